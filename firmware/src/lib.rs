@@ -1,0 +1,2 @@
+//! The instrument, everything that compiles on the host too.
+#![no_std]

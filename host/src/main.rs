@@ -1,0 +1,2 @@
+//! The command `vre`.
+fn main() {}

@@ -1,0 +1,2 @@
+//! What instrument and host agree on.
+#![no_std]
