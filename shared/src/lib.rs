@@ -1,2 +1,25 @@
-//! What instrument and host agree on.
+//! What instrument and host agree on, `no_std`, without allocation, in `f32` and `f64`.
+//!
+//! A pendulous accelerometer measures the specific force along its input axis **IA**; the pendulum points
+//! along the pendulous axis **PA** and turns about the output (hinge) axis **OA**. Its output is nearly, but
+//! not quite, linear: [`model`] holds the metrological model of IEEE Std 1293, equation (1). Under vibration
+//! the nonlinearity rectifies the shaking into a constant, the *vibration rectification error* (VRE).
+//!
+//! | module | subject | equations |
+//! |---|---|---|
+//! | [`model`] | coefficients, output for a specific force | (1) |
+//! | [`vibration`] | what shakes the instrument: a sine, Gaussian noise, or anything by its moments | |
+//! | [`rectification`] | the vibration error and its derivatives by the coefficients | (2)-(9) |
+//! | [`tumble`] | the static test on a dividing head: series, dial angle, specific force | |
+//! | [`identify`] | coefficients from dial readings, with rank, blind directions, covariance | (10)-(17) |
+//!
+//! Units: specific force and everything that the model's bracket adds up is in g, the standard
+//! acceleration that the bench uses as its unit; output in V; angles in rad unless a name says otherwise.
+//! Equation numbers are those of the source paper, N. Chernyak et al., as rebuilt in the doc comments.
 #![no_std]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod model;
+pub mod scalar;
