@@ -8,10 +8,6 @@
 //! | module | subject | equations |
 //! |---|---|---|
 //! | [`model`] | coefficients, output for a specific force | (1) |
-//! | [`vibration`] | what shakes the instrument: a sine, Gaussian noise, or anything by its moments | |
-//! | [`rectification`] | the vibration error and its derivatives by the coefficients | (2)-(9) |
-//! | [`tumble`] | the static test on a dividing head: series, dial angle, specific force | |
-//! | [`identify`] | coefficients from dial readings, with rank, blind directions, covariance | (10)-(17) |
 //!
 //! Units: specific force and everything that the model's bracket adds up is in g, the standard
 //! acceleration that the bench uses as its unit; output in V; angles in rad unless a name says otherwise.

@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn fifth_order_is_off_unless_asked_for() {
         let a = SpecificForce::new(-2.0, 0.0, 0.0);
-        let mut model = Coefficients::default();
+        let mut model = Coefficients::<f64>::default();
         assert_eq!(model.error_g(a), 0.0);
         model.fifth_order_per_g4 = 1e-6;
         assert!((model.error_g(a) + 32e-6).abs() < 1e-18);
