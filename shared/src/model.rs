@@ -56,7 +56,7 @@ pub struct Coefficients<T> {
     #[doc(alias = "k0")]
     pub bias_g: T,
     /// Scale-factor asymmetry, dimensionless.
-    #[doc(alias = "k1'")]
+    #[doc(alias = "k1_prime")]
     pub asymmetry: T,
     /// Second-order nonlinearity, 1/g.
     #[doc(alias = "k2")]
