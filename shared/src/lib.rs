@@ -18,4 +18,6 @@
 extern crate std;
 
 pub mod model;
+pub mod rectification;
 pub mod scalar;
+pub mod vibration;

@@ -20,8 +20,8 @@ pub trait Real:
     /// Widened to `f64`, exact.
     fn to_f64(self) -> f64;
 
-    /// Error function, (2/sqrt pi) times the integral of exp(-t^2) from 0 to `self`.
-    fn erf(self) -> Self;
+    /// Complementary error function, (2/sqrt pi) times the integral of exp(-t^2) from `self` to infinity.
+    fn erfc(self) -> Self;
 }
 
 impl Real for f32 {
@@ -38,8 +38,8 @@ impl Real for f32 {
         f64::from(self)
     }
     #[inline]
-    fn erf(self) -> Self {
-        libm::erff(self)
+    fn erfc(self) -> Self {
+        libm::erfcf(self)
     }
 }
 
@@ -57,7 +57,7 @@ impl Real for f64 {
         self
     }
     #[inline]
-    fn erf(self) -> Self {
-        libm::erf(self)
+    fn erfc(self) -> Self {
+        libm::erfc(self)
     }
 }
