@@ -8,6 +8,7 @@
 //! | module | subject | equations |
 //! |---|---|---|
 //! | [`model`] | coefficients, output for a specific force | (1) |
+//! | [`wire`] | messages between instrument and host, and their framing | |
 //!
 //! Units: specific force and everything that the model's bracket adds up is in g, the standard
 //! acceleration that the bench uses as its unit; output in V; angles in rad unless a name says otherwise.
@@ -21,3 +22,4 @@ pub mod model;
 pub mod rectification;
 pub mod scalar;
 pub mod vibration;
+pub mod wire;

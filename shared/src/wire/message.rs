@@ -1,0 +1,356 @@
+//! The messages. Append-only: variants are never moved, changed or removed, since postcard numbers them by
+//! their order, and no field is ever added to a struct; what is new is a new variant at the end, and raises
+//! [`CURRENT`](super::version::CURRENT).
+//!
+//! Sample indices count the converter's conversions, by its DRDY edges, since the acquisition began. A lost
+//! conversion has an index too, so that a gap in the indices is a loss, and its length how much.
+
+use serde::{Deserialize, Serialize};
+
+use super::version::Version;
+
+/// Simultaneous channels of the converter: 0 the instrument, 1 to 3 the reference's I, P and O.
+pub const CHANNELS: usize = 4;
+
+/// Bytes of one four-channel sample in [`Raw::codes`].
+pub const SAMPLE: usize = 3 * CHANNELS;
+
+/// Most samples that one [`Raw`] carries.
+pub const MAX_RAW_SAMPLES: usize = 64;
+
+/// What the host asks of the instrument. Each is answered by [`Event::Ack`] or [`Event::Refused`] with the
+/// command's sequence number; [`Command::Hello`] and [`Command::AskState`] by their event as well.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Command {
+    /// Opens the conversation; answered by [`Event::Hello`].
+    Hello {
+        /// The host's protocol version.
+        version: Version,
+    },
+    /// The dial stands at a mark: the blocks from here on belong to this reading.
+    StartPosition(Position),
+    /// Ends the reading.
+    StopPosition,
+    /// The blocks from here on belong to this shaker run.
+    StartRun(Run),
+    /// Ends the run.
+    StopRun,
+    /// Sends every sample ([`Event::Raw`]) beside the blocks, or no longer.
+    StreamRaw {
+        /// True to send.
+        on: bool,
+    },
+    /// The coefficients to compensate with.
+    SetCoefficients(Coefficients),
+    /// Answered by [`Event::State`].
+    AskState,
+}
+
+/// What the instrument says.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Event<'a> {
+    /// Who is there; answers [`Command::Hello`], also of a version that is then refused.
+    Hello(Identity),
+    /// A command was carried out.
+    Ack {
+        /// Sequence number of the command's frame.
+        sequence: u16,
+        /// The first sample for which it holds.
+        sample: u64,
+    },
+    /// A command was not carried out.
+    Refused {
+        /// Sequence number of the command's frame.
+        sequence: u16,
+        /// Why.
+        reason: Refusal,
+    },
+    /// Moments of a stretch of samples.
+    Block(Block),
+    /// Samples as the converter gave them.
+    #[serde(borrow)]
+    Raw(Raw<'a>),
+    /// Counters; answers [`Command::AskState`].
+    State(State),
+    /// Something went wrong with the acquisition; told once when it begins.
+    Fault {
+        /// Index of the sample before which it was noticed.
+        sample: u64,
+        /// What.
+        fault: Fault,
+    },
+}
+
+/// The sense in which the dial came to its mark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Approach {
+    /// Clockwise.
+    Cw,
+    /// Counter-clockwise.
+    Ccw,
+}
+
+/// A reading at a dial position, as a row of `static.csv`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Position {
+    /// Number of the reading, the column `order`.
+    pub reading: u32,
+    /// 1 to 3: which axis lies along the dial's shaft (OA, PA, IA).
+    pub series: u8,
+    /// Nominal dial angle, degrees.
+    pub dial_deg: f64,
+    /// Angle by which the instrument is remounted on the shaft, degrees.
+    pub mount_deg: f64,
+    /// The sense in which the dial came to the mark.
+    pub approach: Approach,
+}
+
+/// One plateau of a shaker run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Run {
+    /// Number of the run, the column `run` of `vibration.csv`.
+    pub run: u32,
+    /// Which plateau.
+    pub plateau: Plateau,
+}
+
+/// The three plateaus of a shaker run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Plateau {
+    /// Standing still, before.
+    Before,
+    /// Vibrating.
+    During,
+    /// Standing still, after.
+    After,
+}
+
+/// The coefficients of equation (1), plain.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Coefficients {
+    /// K1 (V/g), k0 (g), k1', k2 (1/g), k3 (1/g^2), k4 (1/g^3), d_OA, d_PA (rad), k_IP, k_IO, k_PO (1/g).
+    pub nominal: [f64; 11],
+    /// k5, 1/g^4.
+    #[doc(alias = "k5")]
+    pub fifth_order_per_g4: f64,
+}
+
+/// Who the instrument is and how its codes become volts: `code * reference_v / gain / 2^23`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Oldest protocol version that it understands.
+    pub minimum: Version,
+    /// The protocol version that it speaks.
+    pub current: Version,
+    /// Version of its firmware: major, minor, patch.
+    pub firmware: [u8; 3],
+    /// The device's unique number.
+    pub serial: [u8; 12],
+    /// Nominal rate of four-channel samples, Hz; [`State`] lets the host measure it.
+    pub sample_rate_hz: f64,
+    /// The converter's reference voltage, V: full scale at gain 1.
+    pub reference_v: f64,
+    /// Gain of each channel, 1 to 128.
+    pub gains: [u8; CHANNELS],
+    /// Samples in a full block.
+    pub block_samples: u16,
+}
+
+/// What the samples belong to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Segment {
+    /// Nothing that anyone asked for.
+    #[default]
+    Idle,
+    /// The reading of that number.
+    Reading(u32),
+    /// A plateau of a shaker run.
+    Run(Run),
+}
+
+/// Moments of the samples `first_sample .. first_sample + count + lost`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Block {
+    /// What the samples belong to.
+    pub segment: Segment,
+    /// Index of the block's first sample.
+    pub first_sample: u64,
+    /// Samples that the moments are of.
+    pub count: u32,
+    /// Conversions of this stretch that were lost.
+    pub lost: u32,
+    /// Their moments.
+    pub moments: Moments,
+}
+
+/// Moments of a block, in codes. The sums are exact, so that blocks merge without any loss in the mean; the
+/// central ones are about the block's own mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Moments {
+    /// Sum of the codes.
+    pub sum: [i64; CHANNELS],
+    /// Smallest code.
+    pub minimum: [i32; CHANNELS],
+    /// Largest code.
+    pub maximum: [i32; CHANNELS],
+    /// Sum of the squared deviations from the mean.
+    pub second: [f32; CHANNELS],
+    /// Sum of their cubes.
+    pub third: [f32; CHANNELS],
+    /// Sum of their fourth powers.
+    pub fourth: [f32; CHANNELS],
+    /// Sums of products of deviations: channels 0-1, 0-2, 0-3, 1-2, 1-3, 2-3.
+    pub cross: [f32; 6],
+    /// Sum of the magnitudes of the codes.
+    pub absolute: [u64; CHANNELS],
+}
+
+/// Consecutive samples as the converter gave them; none is missing inside.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Raw<'a> {
+    /// Index of the first sample.
+    pub first_sample: u64,
+    /// [`SAMPLE`] bytes a sample: the four channels' codes, each 3 bytes little-endian in offset binary
+    /// (`code + 2^23`, which keeps small signals free of zero bytes and so of byte stuffing).
+    #[serde(borrow, serialize_with = "as_bytes")]
+    pub codes: &'a [u8],
+}
+
+fn as_bytes<S: serde::Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(bytes)
+}
+
+/// Zero in offset binary.
+const OFFSET: i32 = 1 << 23;
+
+/// Packs one sample for [`Raw::codes`]. Codes outside 24 bits lose their upper bits.
+#[inline]
+pub fn pack(codes: &[i32; CHANNELS]) -> [u8; SAMPLE] {
+    let [a, b, c, d] = codes.map(|code| (code.wrapping_add(OFFSET) as u32).to_le_bytes());
+    [
+        a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2],
+    ]
+}
+
+/// The inverse of [`pack`].
+#[inline]
+pub fn unpack(bytes: &[u8; SAMPLE]) -> [i32; CHANNELS] {
+    core::array::from_fn(|k| {
+        i32::from_le_bytes([bytes[3 * k], bytes[3 * k + 1], bytes[3 * k + 2], 0]) - OFFSET
+    })
+}
+
+impl<'a> Raw<'a> {
+    /// The samples, in order; bytes of an incomplete last one are left out.
+    #[inline]
+    pub fn samples(&self) -> impl ExactSizeIterator<Item = [i32; CHANNELS]> + use<'a> {
+        self.codes.as_chunks::<SAMPLE>().0.iter().map(unpack)
+    }
+}
+
+/// Counters since the acquisition began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// What the samples belong to now.
+    pub segment: Segment,
+    /// True while every sample is sent.
+    pub streaming: bool,
+    /// True when there are coefficients to compensate with.
+    pub compensating: bool,
+    /// The instrument's clock, microseconds.
+    pub clock_us: u64,
+    /// Conversions that the converter made, counted by its DRDY edges.
+    pub conversions: u64,
+    /// Conversions that were read and are sound.
+    pub samples: u64,
+    /// Conversions that were lost.
+    pub lost: u64,
+    /// Frames that found the link's queue full.
+    pub dropped_frames: u32,
+    /// Samples in the raw frames and blocks among them.
+    pub dropped_samples: u64,
+    /// Conversions with a wrong checksum.
+    pub converter_checksum_errors: u32,
+    /// Times that the converter was set up anew.
+    pub converter_resets: u32,
+    /// Frames from the host that were not sound.
+    pub rejected_frames: u32,
+    /// The last thing that went wrong with the acquisition.
+    pub last_fault: Option<Fault>,
+}
+
+/// What can go wrong with the acquisition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Fault {
+    /// The bus or a pin reported an error.
+    Bus,
+    /// No DRDY edge came in time.
+    DrdyTimeout,
+    /// The checksum of a frame from the converter is wrong.
+    Checksum,
+    /// The converter says that the checksum of a frame to it was wrong.
+    InputChecksum,
+    /// The device identification is not that of the converter.
+    Identification {
+        /// The register ID as read.
+        read: u16,
+    },
+    /// A register does not hold what was written.
+    Register {
+        /// Its address.
+        address: u8,
+        /// What was written.
+        written: u16,
+        /// What was read.
+        read: u16,
+    },
+    /// The converter was reset and did not say so by its response.
+    ResetResponse {
+        /// The response as read.
+        read: u16,
+    },
+    /// The converter was reset by something else than this firmware.
+    ConverterReset,
+    /// The converter's registers changed by themselves.
+    RegisterMap,
+    /// The converter lost its synchronisation.
+    Resynchronised,
+    /// Conversions were not read in time.
+    Overrun {
+        /// How many.
+        lost: u32,
+    },
+    /// DRDY fell but the converter had no new data.
+    NoData,
+}
+
+/// Why a command is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// The host's protocol version is not understood.
+    Version {
+        /// Oldest that is.
+        minimum: Version,
+        /// Newest that is.
+        current: Version,
+    },
+    /// No [`Command::Hello`] of an understood version came first.
+    NoHello,
+    /// Another reading or run is open.
+    Open(Segment),
+    /// No reading is open, or no run.
+    NotOpen,
+    /// A parameter is out of its range.
+    Parameter(Parameter),
+}
+
+/// A command's parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Parameter {
+    /// [`Position::series`] is not 1 to 3.
+    Series,
+    /// [`Position::dial_deg`] or [`Position::mount_deg`] is not finite.
+    Angle,
+    /// One of [`Coefficients`] is not finite, or the scale factor is not positive.
+    Coefficients,
+}

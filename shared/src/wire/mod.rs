@@ -1,0 +1,18 @@
+//! What goes over the link between instrument and host: one schema for firmware, host and tools.
+//!
+//! A frame on the line is
+//!
+//! ```text
+//! COBS( version: u8 | sequence: u16 LE | message: postcard | CRC-32: u32 LE ) | 0x00
+//! ```
+//!
+//! [`version`] says who understands whom, [`message`] what is said ([`Command`] to the instrument, [`Event`]
+//! from it), [`framing`] how it is packed. Nothing here allocates, and no sequence of bytes makes it panic.
+
+pub mod framing;
+pub mod message;
+pub mod version;
+
+pub use framing::{Deframer, EncodeError, Frame, FrameError, Packet};
+pub use message::{Command, Event};
+pub use version::Version;
