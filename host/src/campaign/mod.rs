@@ -1,0 +1,188 @@
+//! A campaign: all the measurements of one instrument, as a folder of plain files, `vre-campaign/1`.
+//!
+//! ```text
+//! campaign.toml      instrument and bench
+//! static.csv         one row per reading at a dial position
+//! vibration.csv      one row per shaker run (optional)
+//! ```
+//!
+//! Tables are UTF-8, comma-separated, with LF or CRLF; columns are found by name, in any order; unknown
+//! columns are kept and written back. Whatever is wrong is told with file, row and column.
+
+mod config;
+mod series;
+mod static_table;
+mod table;
+mod vibration_table;
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Shaker};
+pub use series::Series;
+pub use static_table::{Approach, Reading};
+pub use table::{MAX_ROW_BYTES, MAX_ROWS};
+pub use vibration_table::{Extremes, Measured, ReferenceMoments, Run, VibrationKind, read_runs};
+
+use crate::error::{Error, Problem};
+use crate::output::write_file;
+use table::Row;
+
+/// All the measurements of one instrument.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Campaign {
+    /// Instrument and bench.
+    pub config: CampaignConfig,
+    /// The static readings, in the order of the file; at least one.
+    pub readings: Vec<Reading>,
+    /// The shaker runs, in the order of time; empty without `vibration.csv`.
+    pub runs: Vec<Run>,
+}
+
+impl Campaign {
+    /// Reads and checks the campaign in `folder`.
+    ///
+    /// # Errors
+    /// The first thing wrong in `campaign.toml`, `static.csv` and `vibration.csv`, in this order.
+    pub fn read(folder: &Path) -> Result<Self, Error> {
+        if !folder.is_dir() {
+            return Err(Error::input(folder, "is not a campaign folder"));
+        }
+        let config = CampaignConfig::read(&folder.join("campaign.toml"))?;
+        let readings = static_table::read(&folder.join("static.csv"), &config)?;
+        let vibration = folder.join("vibration.csv");
+        let runs = if vibration.exists() {
+            read_runs(&vibration, &config)?
+        } else {
+            Vec::new()
+        };
+        Ok(Self {
+            config,
+            readings,
+            runs,
+        })
+    }
+
+    /// Writes the campaign into `folder`, which is made if need be.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+        fs::create_dir_all(folder).map_err(Error::write(folder))?;
+        self.config.write(&folder.join("campaign.toml"))?;
+        static_table::write(&folder.join("static.csv"), &self.readings)?;
+        if !self.runs.is_empty() {
+            vibration_table::write(&folder.join("vibration.csv"), &self.runs)?;
+        }
+        Ok(())
+    }
+}
+
+/// Cells of columns that mean nothing to us, with their columns' names; kept and written back.
+pub type UnknownCells = Vec<(String, String)>;
+
+/// Finds what joining the tables of two instruments leaves behind.
+struct OneInstrument<'c> {
+    config: &'c CampaignConfig,
+    numbers: HashMap<u64, u64>,
+}
+
+impl<'c> OneInstrument<'c> {
+    /// Output beyond the nominal one by which no instrument of the type differs, in terms of the nominal
+    /// output for 1 g or for the specific force at hand, whichever is more.
+    const FOREIGN: f64 = 0.25;
+
+    fn new(config: &'c CampaignConfig) -> Self {
+        Self {
+            config,
+            numbers: HashMap::new(),
+        }
+    }
+
+    /// `number_column` must not repeat, and a column `serial`, if any, must hold this instrument's.
+    fn check_row(&mut self, row: &Row<'_>, number_column: &str) -> Result<u64, Error> {
+        let number = row.index(number_column)?;
+        if let Some(earlier_row) = self.numbers.insert(number, row.line()) {
+            return Err(row.error(
+                number_column,
+                Problem::Repeated {
+                    number,
+                    earlier_row,
+                },
+            ));
+        }
+        let expected = &self.config.instrument.serial;
+        match row.text("serial") {
+            Some(found) if found != expected => {
+                let (found, expected) = (found.to_owned(), expected.clone());
+                Err(row.error("serial", Problem::OtherInstrument { found, expected }))
+            }
+            _ => Ok(number),
+        }
+    }
+
+    /// The output at rest in `column` must fit the nominal scale factor roughly.
+    fn check_output(
+        &self,
+        row: &Row<'_>,
+        column: &str,
+        output_v: f64,
+        input_axis_g: f64,
+    ) -> Result<(), Error> {
+        let nominal_v_per_g = self.config.instrument.scale_factor_nominal_v_per_g;
+        let expected_v = nominal_v_per_g * input_axis_g;
+        let allowed_v = Self::FOREIGN * nominal_v_per_g * input_axis_g.abs().max(1.0);
+        if (output_v - expected_v).abs() <= allowed_v {
+            return Ok(());
+        }
+        let problem = format!(
+            "{output_v} V at {input_axis_g} g does not fit the nominal {nominal_v_per_g} V/g of \
+             campaign.toml; another instrument, or another unit?"
+        );
+        Err(row.error(column, problem))
+    }
+}
+
+/// Writes a table: known columns first, then the unknown ones in the order in which they turn up.
+fn write_table<'r, R: 'r>(
+    file: &Path,
+    columns: &[&str],
+    rows: &'r [R],
+    cells: impl Fn(&'r R) -> Vec<String>,
+    unknown: impl Fn(&'r R) -> &'r UnknownCells,
+) -> Result<(), Error> {
+    let mut extra: Vec<&str> = Vec::new();
+    for (name, _) in rows.iter().flat_map(&unknown) {
+        if !extra.contains(&name.as_str()) {
+            extra.push(name);
+        }
+    }
+    let table = || -> csv::Result<Vec<u8>> {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        writer.write_record(columns.iter().chain(&extra))?;
+        for row in rows {
+            let further = extra.iter().map(|name| {
+                let cell = unknown(row).iter().find(|(column, _)| column == name);
+                cell.map_or(String::new(), |(_, text)| text.clone())
+            });
+            writer.write_record(cells(row).into_iter().chain(further))?;
+        }
+        writer
+            .into_inner()
+            .map_err(|error| error.into_error().into())
+    };
+    write_file(
+        file,
+        &table().map_err(|error| Error::write(file)(error.into()))?,
+    )
+}
+
+/// The word that stands for `meaning` in a table.
+fn word<T: Copy + PartialEq>(words: &[(&str, T)], meaning: T) -> String {
+    words
+        .iter()
+        .filter(|(_, of)| *of == meaning)
+        .map(|(word, _)| *word)
+        .collect()
+}

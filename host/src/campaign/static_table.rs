@@ -1,0 +1,174 @@
+//! `static.csv`: one row per reading at a dial position.
+
+use std::path::Path;
+
+use shared::model::SpecificForce;
+
+use super::config::CampaignConfig;
+use super::series::Series;
+use super::table::{Row, Table};
+use super::{OneInstrument, UnknownCells, write_table};
+use crate::error::{Error, Problem};
+
+/// The sense in which the dial came to its mark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Approach {
+    /// `cw`
+    Clockwise,
+    /// `ccw`
+    CounterClockwise,
+}
+
+const APPROACHES: [(&str, Approach); 2] = [
+    ("cw", Approach::Clockwise),
+    ("ccw", Approach::CounterClockwise),
+];
+
+const SERIES: [(&str, Series); 3] = [
+    ("1", Series::OutputAxis),
+    ("2", Series::PendulousAxis),
+    ("3", Series::InputAxis),
+];
+
+const FORCE: [&str; 3] = ["a_i_g", "a_p_g", "a_o_g"];
+
+const COLUMNS: [&str; 12] = [
+    "order",
+    "time_s",
+    "series",
+    "dial_deg",
+    "mount_deg",
+    "approach",
+    "a_i_g",
+    "a_p_g",
+    "a_o_g",
+    "temp_c",
+    "u_v",
+    "sigma_v",
+];
+
+/// One reading at a dial position.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// Sequence number, unique within the campaign.
+    pub order: u64,
+    /// Time since the campaign's start, s.
+    pub time_s: f64,
+    /// Which instrument axis lies along the dial's shaft.
+    pub series: Series,
+    /// Nominal dial angle, degrees.
+    pub dial_deg: f64,
+    /// Angle by which the instrument is remounted on the shaft, degrees; it stands at `dial_deg + mount_deg`.
+    pub mount_deg: f64,
+    /// Sense in which the dial came to the mark.
+    pub approach: Approach,
+    /// Nominal specific force on the instrument's axes, g; its direction follows from series and angles.
+    pub specific_force_g: SpecificForce<f64>,
+    /// Temperature of the instrument, degrees Celsius.
+    pub temp_c: f64,
+    /// Mean output, V.
+    #[doc(alias = "U")]
+    pub output_v: f64,
+    /// Standard uncertainty of the mean from noise alone, V; greater than zero.
+    pub sigma_v: f64,
+    /// Columns that mean nothing to us.
+    pub unknown: UnknownCells,
+}
+
+/// Greatest difference, in any component, between the unit vector along the stated specific force and
+/// that of series and angles.
+const DIRECTION_TOLERANCE: f64 = 1e-4;
+
+/// The stated specific force may differ from 1 g in length by this much: gravity on Earth does by less.
+const LENGTH_TOLERANCE_G: f64 = 0.05;
+
+/// Reads and checks `static.csv`.
+pub(super) fn read(file: &Path, config: &CampaignConfig) -> Result<Vec<Reading>, Error> {
+    let required: Vec<&str> = COLUMNS
+        .into_iter()
+        .filter(|&column| column != "mount_deg")
+        .collect();
+    let mut table = Table::open(file, &required)?;
+    let mut instrument = OneInstrument::new(config);
+    let mut readings = Vec::new();
+    while let Some(row) = table.next_row()? {
+        let order = instrument.check_row(&row, "order")?;
+        let reading = reading(&row, order)?;
+        instrument.check_output(&row, "u_v", reading.output_v, reading.specific_force_g.i)?;
+        readings.push(reading);
+    }
+    Ok(readings)
+}
+
+fn reading(row: &Row<'_>, order: u64) -> Result<Reading, Error> {
+    let [i, p, o] = row.numbers(FORCE)?;
+    let reading = Reading {
+        order,
+        time_s: row.number("time_s")?,
+        series: row.one_of("series", &SERIES, "a series: 1, 2 or 3")?,
+        dial_deg: row.within("dial_deg", -3600.0, 3600.0)?,
+        mount_deg: match row.text("mount_deg") {
+            Some(_) => row.within("mount_deg", -3600.0, 3600.0)?,
+            None => 0.0,
+        },
+        approach: row.one_of("approach", &APPROACHES, "an approach: cw or ccw")?,
+        specific_force_g: SpecificForce::new(i, p, o),
+        temp_c: row.within("temp_c", -273.15, 1000.0)?,
+        output_v: row.number("u_v")?,
+        sigma_v: row.positive("sigma_v")?,
+        unknown: row.unknown(&COLUMNS),
+    };
+    check_geometry(row, &reading)?;
+    Ok(reading)
+}
+
+/// The stated specific force must be what gravity is at this series and angle.
+fn check_geometry(row: &Row<'_>, reading: &Reading) -> Result<(), Error> {
+    let stated = reading.specific_force_g;
+    let length_g = stated.length();
+    if (length_g - 1.0).abs() > LENGTH_TOLERANCE_G {
+        let problem = format!("the specific force is {length_g} g long, not about 1 g");
+        return Err(row.error(FORCE[0], problem));
+    }
+    let instrument_deg = reading.dial_deg + reading.mount_deg;
+    let expected = reading.series.specific_force(instrument_deg.to_radians());
+    let components = [
+        (stated.i, expected.i),
+        (stated.p, expected.p),
+        (stated.o, expected.o),
+    ];
+    for (column, (stated_g, expected)) in FORCE.into_iter().zip(components) {
+        if (stated_g / length_g - expected).abs() > DIRECTION_TOLERANCE {
+            let problem = format!(
+                "{stated_g} does not belong to this series at dial + mount = {instrument_deg} deg, \
+                 where it is {:.6}",
+                expected * length_g
+            );
+            return Err(row.error(column, Problem::Other(problem)));
+        }
+    }
+    Ok(())
+}
+
+/// Writes `static.csv`.
+pub(super) fn write(file: &Path, readings: &[Reading]) -> Result<(), Error> {
+    write_table(file, &COLUMNS, readings, cells, |reading| &reading.unknown)
+}
+
+fn cells(reading: &Reading) -> Vec<String> {
+    let force = reading.specific_force_g;
+    vec![
+        reading.order.to_string(),
+        reading.time_s.to_string(),
+        super::word(&SERIES, reading.series),
+        reading.dial_deg.to_string(),
+        reading.mount_deg.to_string(),
+        super::word(&APPROACHES, reading.approach),
+        force.i.to_string(),
+        force.p.to_string(),
+        force.o.to_string(),
+        reading.temp_c.to_string(),
+        reading.output_v.to_string(),
+        reading.sigma_v.to_string(),
+    ]
+}

@@ -1,0 +1,279 @@
+//! A CSV table with columns found by name, read row by row, whose errors name file, row and column.
+
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use csv::StringRecord;
+
+use crate::error::{Error, Place, Problem};
+
+/// Most rows that a table may have. A campaign has some hundreds; a file of millions is not one.
+pub const MAX_ROWS: u64 = 100_000;
+
+/// Most bytes that one row may have, so that a file without line ends does not fill the memory.
+pub const MAX_ROW_BYTES: usize = 1 << 20;
+
+/// An open table.
+pub(super) struct Table {
+    file: PathBuf,
+    columns: Vec<String>,
+    reader: csv::Reader<RowLimited<File>>,
+    rows: u64,
+}
+
+impl Table {
+    /// Opens `file` and reads its header, which must hold the `required` columns and none twice.
+    pub(super) fn open(file: &Path, required: &[&str]) -> Result<Self, Error> {
+        let source = File::open(file).map_err(Error::read(file))?;
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .from_reader(RowLimited {
+                source,
+                since_row: 0,
+            });
+        let header = reader
+            .headers()
+            .map_err(|error| read_error(file, &[], error))?;
+        let columns: Vec<String> = header.iter().map(str::to_owned).collect();
+        if columns.iter().all(|name| name.is_empty()) {
+            return Err(Error::input(file, Problem::EmptyFile));
+        }
+        let place = |column: &str| Place {
+            column: Some(column.into()),
+            ..Place::file(file)
+        };
+        let mut seen = HashSet::new();
+        if let Some(twice) = columns.iter().find(|name| !seen.insert(name.as_str())) {
+            return Err(Error::Input {
+                place: place(twice),
+                problem: Problem::DuplicateColumn,
+            });
+        }
+        if let Some(missing) = required.iter().find(|name| !seen.contains(*name)) {
+            return Err(Error::Input {
+                place: place(missing),
+                problem: Problem::MissingColumn,
+            });
+        }
+        Ok(Self {
+            file: file.into(),
+            columns,
+            reader,
+            rows: 0,
+        })
+    }
+
+    /// Optional columns that come together or not at all.
+    pub(super) fn require_all_or_none(&self, columns: &[&str]) -> Result<(), Error> {
+        let has = |column: &&&str| self.columns.iter().any(|name| name == **column);
+        match columns.iter().find(|column| !has(column)) {
+            Some(missing) if columns.iter().any(|column| has(&column)) => {
+                let place = Place {
+                    column: Some((*missing).into()),
+                    ..Place::file(&self.file)
+                };
+                Err(Error::Input {
+                    place,
+                    problem: Problem::MissingColumn,
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The next row, or none after the last. A table without rows, or with more than [`MAX_ROWS`], is an
+    /// error.
+    pub(super) fn next_row(&mut self) -> Result<Option<Row<'_>>, Error> {
+        self.reader.get_mut().since_row = 0;
+        let mut record = StringRecord::new();
+        let more = self
+            .reader
+            .read_record(&mut record)
+            .map_err(|error| read_error(&self.file, &self.columns, error))?;
+        if !more {
+            return match self.rows {
+                0 => Err(Error::input(&self.file, Problem::NoRows)),
+                _ => Ok(None),
+            };
+        }
+        self.rows += 1;
+        if self.rows > MAX_ROWS {
+            return Err(Error::input(&self.file, Problem::TooManyRows(MAX_ROWS)));
+        }
+        Ok(Some(Row {
+            table: self,
+            record,
+        }))
+    }
+}
+
+/// One row of a table.
+pub(super) struct Row<'t> {
+    table: &'t Table,
+    record: StringRecord,
+}
+
+impl Row<'_> {
+    /// Line number in the file; the header is line 1.
+    pub(super) fn line(&self) -> u64 {
+        self.record.position().map_or(0, csv::Position::line)
+    }
+
+    /// An error at `column` of this row.
+    pub(super) fn error(&self, column: &str, problem: impl Into<Problem>) -> Error {
+        let place = Place {
+            file: self.table.file.clone(),
+            row: Some(self.line()),
+            column: Some(column.into()),
+        };
+        Error::Input {
+            place,
+            problem: problem.into(),
+        }
+    }
+
+    /// The cell's text; `None` if it is empty or the table has no such column.
+    pub(super) fn text(&self, column: &str) -> Option<&str> {
+        let index = self.table.columns.iter().position(|name| name == column)?;
+        self.record.get(index).filter(|cell| !cell.is_empty())
+    }
+
+    /// The text of a cell that must not be empty.
+    pub(super) fn required(&self, column: &str) -> Result<&str, Error> {
+        self.text(column)
+            .ok_or_else(|| self.error(column, Problem::Empty))
+    }
+
+    /// A finite number.
+    pub(super) fn number(&self, column: &str) -> Result<f64, Error> {
+        let text = self.required(column)?;
+        let value: f64 = text
+            .parse()
+            .map_err(|_| self.error(column, Problem::NotANumber(text.into())))?;
+        if !value.is_finite() {
+            return Err(self.error(column, Problem::NotFinite(text.into())));
+        }
+        Ok(value)
+    }
+
+    /// Three finite numbers.
+    pub(super) fn numbers(&self, columns: [&str; 3]) -> Result<[f64; 3], Error> {
+        let [i, p, o] = columns;
+        Ok([self.number(i)?, self.number(p)?, self.number(o)?])
+    }
+
+    /// A finite number greater than zero.
+    pub(super) fn positive(&self, column: &str) -> Result<f64, Error> {
+        match self.number(column)? {
+            value if value > 0.0 => Ok(value),
+            value => Err(self.error(column, Problem::NotPositive(value))),
+        }
+    }
+
+    /// A finite number from `low` to `high`, both allowed.
+    pub(super) fn within(&self, column: &str, low: f64, high: f64) -> Result<f64, Error> {
+        match self.number(column)? {
+            value if (low..=high).contains(&value) => Ok(value),
+            value => Err(self.error(column, Problem::OutOfRange { value, low, high })),
+        }
+    }
+
+    /// A whole number, not negative.
+    pub(super) fn index(&self, column: &str) -> Result<u64, Error> {
+        let text = self.required(column)?;
+        text.parse().map_err(|_| {
+            let expected = "a whole number from 0 on";
+            self.error(
+                column,
+                Problem::NotOneOf {
+                    value: text.into(),
+                    expected,
+                },
+            )
+        })
+    }
+
+    /// One of a few words, given with what they stand for; `expected` lists them for the error.
+    pub(super) fn one_of<T: Copy>(
+        &self,
+        column: &str,
+        words: &[(&str, T)],
+        expected: &'static str,
+    ) -> Result<T, Error> {
+        let text = self.required(column)?;
+        words
+            .iter()
+            .find(|(word, _)| *word == text)
+            .map(|&(_, meaning)| meaning)
+            .ok_or_else(|| {
+                self.error(
+                    column,
+                    Problem::NotOneOf {
+                        value: text.into(),
+                        expected,
+                    },
+                )
+            })
+    }
+
+    /// Names and cells of the columns that are not among the `known`.
+    pub(super) fn unknown(&self, known: &[&str]) -> Vec<(String, String)> {
+        std::iter::zip(&self.table.columns, &self.record)
+            .filter(|(name, _)| !known.contains(&name.as_str()))
+            .map(|(name, cell)| (name.clone(), cell.to_owned()))
+            .collect()
+    }
+}
+
+fn read_error(file: &Path, columns: &[String], error: csv::Error) -> Error {
+    let position = error.position().map(csv::Position::line);
+    let place = |column: Option<usize>| Place {
+        file: file.into(),
+        row: position,
+        column: column.and_then(|index| columns.get(index)).cloned(),
+    };
+    match error.kind() {
+        csv::ErrorKind::Utf8 { err, .. } => Error::Input {
+            place: place(Some(err.field())),
+            problem: Problem::NotUtf8,
+        },
+        csv::ErrorKind::UnequalLengths {
+            expected_len, len, ..
+        } => Error::Input {
+            place: place(None),
+            problem: Problem::RaggedRow {
+                found: *len,
+                expected: *expected_len,
+            },
+        },
+        _ => match error.into_kind() {
+            csv::ErrorKind::Io(source) => Error::Read {
+                file: file.into(),
+                source,
+            },
+            other => Error::input(file, format!("{other:?}")),
+        },
+    }
+}
+
+/// A reader that gives up when a row does not end.
+struct RowLimited<R> {
+    source: R,
+    since_row: usize,
+}
+
+impl<R: Read> Read for RowLimited<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.since_row > MAX_ROW_BYTES {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidData,
+                format!("a row has more than {MAX_ROW_BYTES} bytes"),
+            ));
+        }
+        let count = self.source.read(buffer)?;
+        self.since_row += count;
+        Ok(count)
+    }
+}

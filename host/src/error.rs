@@ -1,0 +1,216 @@
+//! What can go wrong, and the exit status that says so: 2 for bad usage or bad input, 1 for the rest.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Any failure of a command. Displays as one line.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file that was read is not what it should be.
+    #[error("{place}: {problem}")]
+    Input {
+        /// File, row and column of the trouble, as far as known.
+        place: Place,
+        /// What is wrong there.
+        problem: Problem,
+    },
+    /// A file could not be opened or read.
+    #[error("{}: cannot be read: {source}", file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A result could not be written.
+    #[error("{}: cannot be written: {source}", file.display())]
+    Write {
+        /// The file or folder.
+        file: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The command cannot be carried out as it was asked.
+    #[error("{0}")]
+    Usage(String),
+}
+
+impl Error {
+    /// Bad content of `file` as a whole.
+    pub fn input(file: &Path, problem: impl Into<Problem>) -> Self {
+        Self::Input {
+            place: Place::file(file),
+            problem: problem.into(),
+        }
+    }
+
+    /// `map_err` argument for failed reads of `file`.
+    pub fn read(file: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Read {
+            file: file.into(),
+            source,
+        }
+    }
+
+    /// `map_err` argument for failed writes of `file`.
+    pub fn write(file: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Write {
+            file: file.into(),
+            source,
+        }
+    }
+
+    /// The exit status of the command: 2 for bad usage or bad input, 1 for anything else.
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Input { .. } | Self::Read { .. } | Self::Usage(_) => 2,
+            Self::Write { .. } => 1,
+        }
+    }
+
+    /// Whether the reader of standard output went away, which is no failure of ours.
+    pub fn is_broken_pipe(&self) -> bool {
+        matches!(self, Self::Write { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
+    }
+}
+
+/// Where in the input the trouble is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file.
+    pub file: PathBuf,
+    /// Line number in the file, from 1; the header is row 1.
+    pub row: Option<u64>,
+    /// Name of the column, or of the key.
+    pub column: Option<String>,
+}
+
+impl Place {
+    /// The file as a whole.
+    pub fn file(file: &Path) -> Self {
+        Self {
+            file: file.into(),
+            row: None,
+            column: None,
+        }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.file.display())?;
+        if let Some(row) = self.row {
+            write!(f, ", row {row}")?;
+        }
+        if let Some(column) = &self.column {
+            write!(f, ", column {}", clip(column))?;
+        }
+        Ok(())
+    }
+}
+
+/// What is wrong with a piece of input.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Problem {
+    /// A cell that must be filled is empty.
+    #[error("is empty")]
+    Empty,
+    /// The text does not read as a number.
+    #[error("\"{}\" is not a number", clip(.0))]
+    NotANumber(String),
+    /// NaN, an infinity, or a number beyond the range of a double.
+    #[error("\"{}\" is not a finite number", clip(.0))]
+    NotFinite(String),
+    /// A number that must be greater than zero.
+    #[error("{0} is not greater than zero")]
+    NotPositive(f64),
+    /// A number outside of its range, both ends allowed.
+    #[error("{value} is outside of {low} to {high}")]
+    OutOfRange {
+        /// The number.
+        value: f64,
+        /// Least that it can be.
+        low: f64,
+        /// Most that it can be.
+        high: f64,
+    },
+    /// A word or number that is not among those allowed.
+    #[error("\"{}\" is not {expected}", clip(value))]
+    NotOneOf {
+        /// The text found.
+        value: String,
+        /// The allowed ones, as a phrase.
+        expected: &'static str,
+    },
+    /// A required column of a table is not there.
+    #[error("is missing from the header")]
+    MissingColumn,
+    /// A column stands in the header twice.
+    #[error("stands in the header twice")]
+    DuplicateColumn,
+    /// Bytes that are not UTF-8, as from an editor that saves Latin-1.
+    #[error("is not UTF-8 text")]
+    NotUtf8,
+    /// A row with more or fewer cells than the header.
+    #[error("has {found} cells, the header {expected}")]
+    RaggedRow {
+        /// Cells in the row.
+        found: u64,
+        /// Cells in the header.
+        expected: u64,
+    },
+    /// A table without a single row under its header.
+    #[error("has no rows")]
+    NoRows,
+    /// A file with nothing in it.
+    #[error("is an empty file")]
+    EmptyFile,
+    /// More rows than a campaign can sensibly have.
+    #[error("has more than {0} rows")]
+    TooManyRows(u64),
+    /// The same sequence or run number twice: as after joining the tables of two instruments.
+    #[error("{number} stands already in row {earlier_row}; are two tables joined?")]
+    Repeated {
+        /// The number.
+        number: u64,
+        /// Where it stood first.
+        earlier_row: u64,
+    },
+    /// A row of another instrument than that of the campaign.
+    #[error(
+        "\"{}\" is another instrument than \"{}\" of campaign.toml",
+        clip(found),
+        clip(expected)
+    )]
+    OtherInstrument {
+        /// Serial number in the row.
+        found: String,
+        /// Serial number of the campaign.
+        expected: String,
+    },
+    /// A sentence of its own, for what happens in one place only.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl From<String> for Problem {
+    fn from(sentence: String) -> Self {
+        Self::Other(sentence)
+    }
+}
+
+impl From<&str> for Problem {
+    fn from(sentence: &str) -> Self {
+        Self::Other(sentence.into())
+    }
+}
+
+/// Text from outside, made safe for one line of a terminal: escaped, and cut after 40 characters.
+pub fn clip(text: &str) -> String {
+    let mut shown: String = text.chars().take(40).flat_map(char::escape_debug).collect();
+    if text.chars().nth(40).is_some() {
+        shown.push_str("...");
+    }
+    shown
+}
