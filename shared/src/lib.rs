@@ -8,6 +8,7 @@
 //! | module | subject | equations |
 //! |---|---|---|
 //! | [`model`] | coefficients, output for a specific force | (1) |
+//! | [`moments`] | streaming, mergeable moments of the converter's codes | (2) |
 //! | [`wire`] | messages between instrument and host, and their framing | |
 //!
 //! Units: specific force and everything that the model's bracket adds up is in g, the standard
@@ -19,6 +20,7 @@
 extern crate std;
 
 pub mod model;
+pub mod moments;
 pub mod rectification;
 pub mod scalar;
 pub mod vibration;
