@@ -1,2 +1,7 @@
 //! The command `vre`.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    host::cli::run(std::env::args_os())
+}

@@ -1,0 +1,99 @@
+//! Where a command's results go: text for people, JSON for programs, progress on the terminal.
+
+use std::fmt::Display;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use crate::error::Error;
+use crate::output::write_file;
+
+/// The options that all commands share.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Console {
+    /// Write the result as JSON to FILE; `-` is standard output, the text then goes to standard error
+    #[arg(long, value_name = "FILE", global = true)]
+    json: Option<PathBuf>,
+    /// Print no text and no progress
+    #[arg(long, short, global = true)]
+    quiet: bool,
+}
+
+impl Console {
+    /// Prints `text`, which ends its last line itself or not, for people.
+    ///
+    /// # Errors
+    /// Standard output cannot be written.
+    pub fn print(&self, text: impl Display) -> Result<(), Error> {
+        if self.quiet {
+            return Ok(());
+        }
+        let text = text.to_string();
+        match self.json_to_stdout() {
+            true => write_lines(io::stderr(), "standard error", &text),
+            false => write_lines(io::stdout(), "standard output", &text),
+        }
+    }
+
+    /// Writes `result` where `--json` says, if it was given.
+    ///
+    /// # Errors
+    /// The file or standard output cannot be written.
+    pub fn json(&self, result: &impl Serialize) -> Result<(), Error> {
+        match &self.json {
+            None => Ok(()),
+            Some(file) if self.json_to_stdout() => {
+                write_lines(io::stdout(), "standard output", &json_text(file, result)?)
+            }
+            Some(file) => write_json(file, result),
+        }
+    }
+
+    /// A progress bar of `steps` on standard error; nothing is drawn with `--quiet` or without a terminal.
+    pub fn progress(&self, steps: u64, doing: &'static str) -> ProgressBar {
+        if self.quiet {
+            return ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::hidden());
+        }
+        let style = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} %  {eta} left");
+        let bar = ProgressBar::new(steps).with_message(doing);
+        bar.enable_steady_tick(Duration::from_millis(100));
+        match style {
+            Ok(style) => bar.with_style(style),
+            Err(_) => bar,
+        }
+    }
+
+    fn json_to_stdout(&self) -> bool {
+        self.json.as_deref() == Some(Path::new("-"))
+    }
+}
+
+/// Writes `result` as JSON to `file`, in one step.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_json(file: &Path, result: &impl Serialize) -> Result<(), Error> {
+    write_file(file, json_text(file, result)?.as_bytes())
+}
+
+fn json_text(file: &Path, result: &impl Serialize) -> Result<String, Error> {
+    let text = serde_json::to_string_pretty(result)
+        .map_err(|error| Error::write(file)(io::Error::other(error)))?;
+    Ok(text + "\n")
+}
+
+fn write_lines(mut stream: impl Write, name: &str, text: &str) -> Result<(), Error> {
+    let end = if text.is_empty() || text.ends_with('\n') {
+        ""
+    } else {
+        "\n"
+    };
+    stream
+        .write_all(text.as_bytes())
+        .and_then(|()| stream.write_all(end.as_bytes()))
+        .and_then(|()| stream.flush())
+        .map_err(Error::write(Path::new(name)))
+}

@@ -1,0 +1,97 @@
+//! The command line: one file a command, each a thin layer over the library.
+//!
+//! A command is a `clap::Args` struct with a [`Command`] implementation in a module of its own, and one
+//! line in [`commands!`].
+
+mod console;
+
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{Parser, Subcommand};
+
+pub use console::Console;
+
+use crate::error::Error;
+
+/// What a command does with its arguments.
+trait Command {
+    fn run(self, console: &Console) -> Result<(), Error>;
+}
+
+/// The subcommands from the modules that hold them.
+macro_rules! commands {
+    ($($module:ident :: $name:ident),* $(,)?) => {
+        $(mod $module;)*
+
+        #[derive(Subcommand)]
+        enum Subcommands {
+            $($name($module::$name),)*
+        }
+
+        impl Command for Subcommands {
+            #[allow(unused_variables)] // while the list is empty
+            fn run(self, console: &Console) -> Result<(), Error> {
+                match self {
+                    $(Self::$name(command) => command.run(console),)*
+                }
+            }
+        }
+    };
+}
+
+commands! {}
+
+/// Vibration rectification error of a navigation accelerometer: predicted from a static test, compared with
+/// the shaker.
+#[derive(Parser)]
+#[command(
+    name = "vre",
+    version,
+    arg_required_else_help = true,
+    propagate_version = true
+)]
+struct Arguments {
+    #[command(flatten)]
+    console: Console,
+    #[command(subcommand)]
+    command: Subcommands,
+}
+
+/// Runs the command with its `arguments`, the first being the program's name. Exit status: 0 done, 2 bad
+/// usage or bad input, 1 anything else; a failure is one line on standard error.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let outcome = match Arguments::try_parse_from(arguments) {
+        Ok(Arguments { console, command }) => command.run(&console),
+        Err(error) => match error.kind() {
+            ErrorKind::DisplayHelp
+            | ErrorKind::DisplayVersion
+            | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+                // Help that nobody reads is no failure.
+                let _ = error.print();
+                return ExitCode::from(error.exit_code() as u8);
+            }
+            _ => Err(Error::Usage(usage_line(&error))),
+        },
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if error.is_broken_pipe() => ExitCode::SUCCESS,
+        Err(error) => {
+            let line = error.to_string().replace(char::is_control, " ");
+            // With standard error closed, the exit status is all that is left to say it.
+            let _ = writeln!(io::stderr(), "error: {line}");
+            ExitCode::from(error.exit_status())
+        }
+    }
+}
+
+/// The first paragraph of clap's message as one line.
+fn usage_line(error: &clap::Error) -> String {
+    let message = error.render().to_string();
+    let paragraph = message.lines().take_while(|line| !line.trim().is_empty());
+    let line = paragraph.map(str::trim).collect::<Vec<_>>().join(" ");
+    format!("{}; see `vre --help`", line.trim_start_matches("error: "))
+}
