@@ -4,3 +4,4 @@ pub mod campaign;
 pub mod cli;
 pub mod error;
 pub mod output;
+pub mod quantity;
