@@ -19,9 +19,11 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod identify;
 pub mod model;
 pub mod moments;
 pub mod rectification;
 pub mod scalar;
+pub mod tumble;
 pub mod vibration;
 pub mod wire;
