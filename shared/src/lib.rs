@@ -8,6 +8,10 @@
 //! | module | subject | equations |
 //! |---|---|---|
 //! | [`model`] | coefficients, output for a specific force | (1) |
+//! | [`vibration`] | what shakes the instrument: a sine, Gaussian noise, or anything by its moments | |
+//! | [`rectification`] | the vibration error and its derivatives by the coefficients | (2)-(9) |
+//! | [`tumble`] | the static test on a dividing head: series, dial angle, specific force | |
+//! | [`identify`] | coefficients from dial readings, with rank, blind directions, covariance | (10)-(17) |
 //! | [`moments`] | streaming, mergeable moments of the converter's codes | (2) |
 //! | [`wire`] | messages between instrument and host, and their framing | |
 //!

@@ -187,6 +187,33 @@ impl<T: Real> Coefficients<T> {
             + self.cross_po_per_g * a.p * a.o
     }
 
+    /// Derivatives of u(a) = U/K1 by the three components of the specific force, dimensionless.
+    ///
+    /// At a_I = 0 the asymmetry's kink counts as flat.
+    #[inline]
+    pub fn gradient(&self, a: SpecificForce<T>) -> SpecificForce<T> {
+        let i = a.i;
+        let (two, three, four, five) = (T::lit(2.0), T::lit(3.0), T::lit(4.0), T::lit(5.0));
+        let sign = if i == T::zero() {
+            T::zero()
+        } else {
+            i.signum()
+        };
+        let powers = i
+            * (two * self.second_order_per_g
+                + i * (three * self.third_order_per_g2
+                    + i * (four * self.fourth_order_per_g3 + i * five * self.fifth_order_per_g4)));
+        SpecificForce {
+            i: T::one()
+                + self.asymmetry * sign
+                + powers
+                + self.cross_ip_per_g * a.p
+                + self.cross_io_per_g * a.o,
+            p: self.misalignment_oa_rad + self.cross_ip_per_g * i + self.cross_po_per_g * a.o,
+            o: self.cross_io_per_g * i - self.misalignment_pa_rad + self.cross_po_per_g * a.p,
+        }
+    }
+
     /// U(a) of (1), in V.
     #[inline]
     pub fn output_v(&self, a: SpecificForce<T>) -> T {
@@ -214,6 +241,34 @@ mod tests {
             let sum = f[0] + (1..NOMINAL).map(|k| c[k] * f[k]).sum::<f64>();
             assert!((model.output_g(a) - sum).abs() < 4.0 * f64::EPSILON * sum.abs().max(1.0));
             assert_eq!(model.output_v(a), 1.2 * model.output_g(a));
+        }
+    }
+
+    #[test]
+    fn gradient_is_the_slope_of_the_output() {
+        let mut model = Coefficients::<f64>::from_nominal([
+            1.3, 1e-2, -6e-2, 4e-2, 3e-2, -5e-3, 4e-2, -6e-2, -5e-3, 3e-3, 5e-2,
+        ]);
+        model.fifth_order_per_g4 = 2e-3;
+        let step = 1e-6;
+        for a in [
+            SpecificForce::new(0.3, -0.8, 0.5),
+            SpecificForce::new(-1.4, 1.0, 2.0),
+        ] {
+            let slope = model.gradient(a);
+            let along = |d: SpecificForce<f64>| {
+                let at = |s: f64| {
+                    model.output_g(SpecificForce::new(
+                        a.i + s * d.i,
+                        a.p + s * d.p,
+                        a.o + s * d.o,
+                    ))
+                };
+                (at(step) - at(-step)) / (2.0 * step)
+            };
+            assert!((slope.i - along(SpecificForce::new(1.0, 0.0, 0.0))).abs() < 1e-9);
+            assert!((slope.p - along(SpecificForce::new(0.0, 1.0, 0.0))).abs() < 1e-9);
+            assert!((slope.o - along(SpecificForce::new(0.0, 0.0, 1.0))).abs() < 1e-9);
         }
     }
 

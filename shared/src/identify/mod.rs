@@ -7,5 +7,7 @@
 //!
 //! Identification works at 1e-7 of a reading and needs `f64`; the tests show what `f32` would lose.
 
+pub mod blindness;
 pub mod closed_form;
 pub mod square_root;
+pub mod static_test;

@@ -1,0 +1,243 @@
+//! What a plan cannot tell: rank, condition number and blind directions of its design matrix.
+//!
+//! The design matrix has a row of [`terms`] for each position. It is absorbed into a triangular factor, whose
+//! singular values are those of the matrix; they come from one-sided Jacobi rotations (Hestenes 1958), which find
+//! small singular values to high relative accuracy.
+
+use crate::identify::square_root::{TriangularFactor, storage_len};
+use crate::model::{NOMINAL, SpecificForce, terms};
+use crate::scalar::Real;
+
+/// The design matrix of a plan, position by position, in constant memory.
+#[derive(Clone, Debug)]
+pub struct Design<T> {
+    factor: TriangularFactor<T, [T; storage_len(NOMINAL)]>,
+    positions: usize,
+}
+
+/// What a design matrix determines.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Visibility<T> {
+    /// Number of directions in coefficient space that the plan determines, 0 ..= 11.
+    pub rank: usize,
+    /// Ratio of the largest to the smallest of the eleven singular values; beyond 1e12 (or infinite) for a plan of
+    /// deficient rank.
+    pub condition: T,
+    /// Orthonormal directions; those from `rank` on are blind. Components in the order of
+    /// [`Coefficients::to_nominal`](crate::model::Coefficients::to_nominal), the first for K1, the others
+    /// for K1 times the coefficient.
+    pub directions: [[T; NOMINAL]; NOMINAL],
+}
+
+impl<T: Real> Visibility<T> {
+    /// The directions that no reading of the plan sees; the sign makes the largest component positive.
+    pub fn blind_directions(&self) -> &[[T; NOMINAL]] {
+        &self.directions[self.rank..]
+    }
+
+    /// Whether the plan determines the coefficient of this index.
+    pub fn determines(&self, coefficient: usize) -> bool {
+        self.blind_directions()
+            .iter()
+            .all(|d| d[coefficient].abs() < T::lit(1e-6))
+    }
+}
+
+impl<T: Real> Default for Design<T> {
+    fn default() -> Self {
+        let factor = TriangularFactor::new(NOMINAL, [T::zero(); storage_len(NOMINAL)]);
+        Self {
+            factor: factor.expect("the array has the length asked for"),
+            positions: 0,
+        }
+    }
+}
+
+impl<T: Real> Design<T> {
+    /// Adds a position at which the specific force is `a`, g.
+    pub fn absorb(&mut self, a: SpecificForce<T>) {
+        let mut row = [T::zero(); NOMINAL + 1];
+        row[..NOMINAL].copy_from_slice(&terms(a));
+        self.factor.absorb(&mut row);
+        self.positions += 1;
+    }
+
+    /// Rank, condition and directions of all positions so far.
+    pub fn visibility(&self) -> Visibility<T> {
+        let (triangle, _) = self.factor.trailing::<NOMINAL>();
+        let (values, directions) = singular_values(triangle);
+        // Rounding leaves a blind direction some eps sqrt(positions) of the largest value.
+        let tolerance = values[0] * T::epsilon() * T::from_i64(64 + self.positions as i64);
+        Visibility {
+            rank: values.iter().filter(|v| **v > tolerance).count(),
+            condition: values[0] / values[NOMINAL - 1],
+            directions,
+        }
+    }
+}
+
+/// Singular values of a square matrix, given by rows, in falling order, and the right singular vectors.
+pub fn singular_values<T: Real, const N: usize>(rows: [[T; N]; N]) -> ([T; N], [[T; N]; N]) {
+    // One-sided Jacobi on the columns of A: `column[k]` becomes A v_k, `v[k]` the right singular vector.
+    let mut column: [[T; N]; N] = core::array::from_fn(|k| core::array::from_fn(|i| rows[i][k]));
+    let mut v: [[T; N]; N] = core::array::from_fn(|k| {
+        core::array::from_fn(|i| if i == k { T::one() } else { T::zero() })
+    });
+    for _sweep in 0..60 {
+        let mut turned = false;
+        for p in 0..N {
+            for q in p + 1..N {
+                turned |= orthogonalise(&mut column, &mut v, p, q);
+            }
+        }
+        if !turned {
+            break;
+        }
+    }
+    let mut order: [usize; N] = core::array::from_fn(|k| k);
+    let norm = column.map(|c| dot(&c, &c).sqrt());
+    order.sort_unstable_by(|x, y| {
+        norm[*y]
+            .partial_cmp(&norm[*x])
+            .unwrap_or(core::cmp::Ordering::Equal)
+    });
+    (
+        order.map(|k| norm[k]),
+        order.map(|k| largest_component_positive(v[k])),
+    )
+}
+
+fn dot<T: Real, const N: usize>(x: &[T; N], y: &[T; N]) -> T {
+    x.iter().zip(y).fold(T::zero(), |sum, (a, b)| sum + *a * *b)
+}
+
+fn largest_component_positive<T: Real, const N: usize>(x: [T; N]) -> [T; N] {
+    let largest = x
+        .iter()
+        .fold(T::zero(), |m, c| if c.abs() > m.abs() { *c } else { m });
+    if largest < T::zero() {
+        x.map(|c| -c)
+    } else {
+        x
+    }
+}
+
+/// Turns columns p and q so that they are orthogonal; whether there was anything to turn.
+fn orthogonalise<T: Real, const N: usize>(
+    column: &mut [[T; N]; N],
+    v: &mut [[T; N]; N],
+    p: usize,
+    q: usize,
+) -> bool {
+    let (pp, qq) = (dot(&column[p], &column[p]), dot(&column[q], &column[q]));
+    let pq = dot(&column[p], &column[q]);
+    // The second bound stops columns that are zero but for rounding from turning for ever.
+    if pq.abs() <= T::epsilon() * (pp * qq).sqrt() || pq.abs() < T::min_positive_value() {
+        return false;
+    }
+    let zeta = (qq - pp) / (pq + pq);
+    let t = zeta.signum() / (zeta.abs() + (T::one() + zeta * zeta).sqrt());
+    let cos = (T::one() + t * t).sqrt().recip();
+    let sin = cos * t;
+    for matrix in [column, v] {
+        for i in 0..N {
+            let (x, y) = (matrix[p][i], matrix[q][i]);
+            matrix[p][i] = cos * x - sin * y;
+            matrix[q][i] = sin * x + cos * y;
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identify::closed_form::paper_blind_direction;
+    use crate::tumble::{Position, Series, full_rank_plan, paper_plan};
+
+    fn visibility(plan: impl Iterator<Item = Position>) -> Visibility<f64> {
+        let mut design = Design::default();
+        plan.for_each(|p| design.absorb(p.specific_force()));
+        design.visibility()
+    }
+
+    #[test]
+    fn papers_plan_has_rank_ten_and_the_published_blind_direction() {
+        let seen = visibility(paper_plan());
+        assert_eq!(seen.rank, 10);
+        assert!(seen.condition > 1e12);
+        let d = seen.blind_directions()[0];
+        for (k, published) in [(2, -0.4459), (3, 0.8153), (5, -0.3694)] {
+            assert!((d[k] - published).abs() < 5e-5);
+            assert!(!seen.determines(k));
+        }
+        let exact = paper_blind_direction::<f64>();
+        assert!((d[2] * exact[0] + d[3] * exact[1] + d[5] * exact[2] - 1.0).abs() < 1e-12);
+        for k in [0, 1, 4, 6, 7, 8, 9, 10] {
+            assert!(seen.determines(k), "coefficient {k}");
+        }
+    }
+
+    #[test]
+    fn sixteen_added_positions_give_full_rank_at_condition_80() {
+        let seen = visibility(full_rank_plan());
+        assert_eq!(seen.rank, NOMINAL);
+        assert!(
+            (seen.condition - 80.0).abs() < 5.0,
+            "condition {}",
+            seen.condition
+        );
+    }
+
+    #[test]
+    fn multiples_of_22_5_deg_give_full_rank_at_condition_65() {
+        let fine = [Series::OutputAxis, Series::PendulousAxis]
+            .into_iter()
+            .flat_map(|series| {
+                (0..8).map(move |k| Position {
+                    series,
+                    dial_deg: 22.5 + 45.0 * f64::from(k),
+                    mount_deg: 0.0,
+                })
+            });
+        let seen = visibility(paper_plan().chain(fine));
+        assert_eq!(seen.rank, NOMINAL);
+        assert!(
+            (seen.condition - 65.0).abs() < 5.0,
+            "condition {}",
+            seen.condition
+        );
+    }
+
+    #[test]
+    fn singular_values_of_a_known_product_come_back() {
+        // A = U diag(5, 2, 1e-9) V^T with two plane rotations.
+        let rotate = |m: [[f64; 3]; 3], p: usize, q: usize, angle: f64, left: bool| {
+            let mut r = m;
+            let (s, c) = (angle.sin(), angle.cos());
+            for k in 0..3 {
+                if left {
+                    r[p][k] = c * m[p][k] - s * m[q][k];
+                    r[q][k] = s * m[p][k] + c * m[q][k];
+                } else {
+                    r[k][p] = c * m[k][p] - s * m[k][q];
+                    r[k][q] = s * m[k][p] + c * m[k][q];
+                }
+            }
+            r
+        };
+        let mut m = [[5.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1e-9]];
+        for (p, q, angle, left) in [
+            (0, 1, 0.7, true),
+            (1, 2, -1.1, true),
+            (0, 2, 0.4, false),
+            (0, 1, 2.0, false),
+        ] {
+            m = rotate(m, p, q, angle, left);
+        }
+        let (values, _) = singular_values(m);
+        for (found, truth) in values.iter().zip([5.0, 2.0, 1e-9]) {
+            assert!((found - truth).abs() < 1e-15 * 5.0, "{found} {truth}");
+        }
+    }
+}
