@@ -97,6 +97,11 @@ impl Series {
     }
 }
 
+/// The same angle in [0, 360) deg: equal places on the dial are equal numbers.
+pub fn within_a_turn(angle_deg: f64) -> f64 {
+    num_traits::Euclid::rem_euclid(&angle_deg, &360.0)
+}
+
 /// One position of a plan of a static test.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Position {
@@ -112,7 +117,7 @@ impl Position {
     /// The angle phi at which the instrument stands, rad, reduced to one turn before it is converted, so that
     /// equal angles give equal specific forces.
     pub fn phi_rad(&self) -> f64 {
-        num_traits::Euclid::rem_euclid(&(self.dial_deg + self.mount_deg), &360.0).to_radians()
+        within_a_turn(self.dial_deg + self.mount_deg).to_radians()
     }
 
     /// Specific force, in units of local gravity.

@@ -17,13 +17,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::identify::blindness::{Design, Visibility};
-use num_traits::Euclid;
-
 use crate::identify::square_root::{FactorError, TriangularFactor, storage_len};
 use crate::model::{Coefficients, NOMINAL, SpecificForce, terms};
 use crate::rectification::Sensitivity;
 use crate::scalar::Real;
-use crate::tumble::{Position, Series};
+use crate::tumble::{Position, Series, within_a_turn};
 
 /// Standard uncertainties of the dividing head, and local gravity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -367,7 +365,9 @@ impl<'a, T: Real> StaticTest<'a, T> {
         }
         let keys = self
             .mount_keys
-            .chunks_exact(MOUNT_KEY)
+            .as_chunks::<MOUNT_KEY>()
+            .0
+            .iter()
             .zip(&*self.row)
             .take(self.mounts);
         keys.filter_map(|(key, x)| {
@@ -394,7 +394,7 @@ impl<'a, T: Real> StaticTest<'a, T> {
         if self.bench.dial_sigma_rad == T::zero() {
             return Ok(None);
         }
-        let key = T::lit(dial_deg.rem_euclid(&360.0));
+        let key = T::lit(within_a_turn(dial_deg));
         let width = MARK_HEAD + self.row.len();
         let known = self.mark_rows.chunks_exact(width).take(self.marks);
         if let Some(index) = known.into_iter().position(|row| row[0] == key) {
@@ -421,7 +421,12 @@ impl<'a, T: Real> StaticTest<'a, T> {
         estimate_rad: T,
     ) -> Result<usize, StaticTestError> {
         let (number, mount) = (T::from_i64(i64::from(u8::from(series))), T::lit(mount_deg));
-        let known = self.mount_keys.chunks_exact(MOUNT_KEY).take(self.mounts);
+        let known = self
+            .mount_keys
+            .as_chunks::<MOUNT_KEY>()
+            .0
+            .iter()
+            .take(self.mounts);
         if let Some(index) = known
             .into_iter()
             .position(|k| k[0] == number && k[1] == mount)
