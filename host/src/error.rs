@@ -31,6 +31,9 @@ pub enum Error {
         /// Why not.
         source: io::Error,
     },
+    /// A picture of the report could not be drawn.
+    #[error("a picture cannot be drawn: {0}")]
+    Picture(String),
     /// The command cannot be carried out as it was asked.
     #[error("{0}")]
     Usage(String),
@@ -65,7 +68,7 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::Read { .. } | Self::Usage(_) => 2,
-            Self::Write { .. } => 1,
+            Self::Write { .. } | Self::Picture(_) => 1,
         }
     }
 

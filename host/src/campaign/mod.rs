@@ -10,7 +10,6 @@
 //! columns are kept and written back. Whatever is wrong is told with file, row and column.
 
 mod config;
-mod series;
 mod static_table;
 mod table;
 mod vibration_table;
@@ -20,7 +19,7 @@ use std::fs;
 use std::path::Path;
 
 pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Shaker};
-pub use series::Series;
+pub use shared::tumble::Series;
 pub use static_table::{Approach, Reading};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
 pub use vibration_table::{Extremes, Measured, ReferenceMoments, Run, VibrationKind, read_runs};

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use shared::model::SpecificForce;
+use shared::tumble::Series;
 
 use super::config::CampaignConfig;
-use super::series::Series;
+
 use super::table::{Row, Table};
 use super::{OneInstrument, UnknownCells, write_table};
 use crate::error::{Error, Problem};
