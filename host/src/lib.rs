@@ -3,5 +3,8 @@
 pub mod campaign;
 pub mod cli;
 pub mod error;
+mod finite_record;
+pub mod identification;
 pub mod output;
+pub mod prediction;
 pub mod quantity;

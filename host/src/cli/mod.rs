@@ -32,7 +32,6 @@ macro_rules! commands {
         }
 
         impl Command for Subcommands {
-            #[allow(unused_variables)] // while the list is empty
             fn run(self, console: &Console) -> Result<(), Error> {
                 match self {
                     $(Self::$name(command) => command.run(console),)*
@@ -42,7 +41,10 @@ macro_rules! commands {
     };
 }
 
-commands! {}
+commands! {
+    identify::Identify,
+    predict::Predict,
+}
 
 /// Vibration rectification error of a navigation accelerometer: predicted from a static test, compared with
 /// the shaker.
@@ -85,6 +87,14 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             let _ = writeln!(io::stderr(), "error: {line}");
             ExitCode::from(error.exit_status())
         }
+    }
+}
+
+/// A finite number greater than zero.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("is not a finite number greater than zero".into()),
     }
 }
 

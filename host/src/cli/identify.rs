@@ -1,0 +1,90 @@
+//! `vre identify`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use shared::model::NOMINAL;
+
+use super::{Command, Console};
+use crate::campaign::Campaign;
+use crate::error::Error;
+use crate::identification::{Identification, Method, NAMES, identify};
+
+/// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  vre identify campaigns/S01000 --json coefficients.json")]
+pub struct Identify {
+    /// Folder of the campaign
+    campaign: PathBuf,
+    /// How the coefficients are found
+    #[arg(long, value_enum, default_value = "least-squares")]
+    method: Method,
+    /// State a standard deviation about zero for every coefficient but K1, each in its own unit: determines what the
+    /// plan leaves blind, by assumption
+    #[arg(long, value_name = "SIGMA", value_parser = super::positive)]
+    prior_sigma: Option<f64>,
+}
+
+impl Command for Identify {
+    fn run(self, console: &Console) -> Result<(), Error> {
+        let campaign = Campaign::read(&self.campaign)?;
+        let identification = identify(&campaign, self.method, self.prior_sigma)?;
+        console.print(text(&identification))?;
+        console.json(&identification)
+    }
+}
+
+/// What each coefficient is, for people.
+const MEANING: [&str; NOMINAL] = [
+    "scale factor",
+    "bias",
+    "scale-factor asymmetry",
+    "second-order nonlinearity",
+    "third-order nonlinearity",
+    "fourth-order nonlinearity",
+    "misalignment of OA",
+    "misalignment of PA",
+    "cross-coupling IA-PA",
+    "cross-coupling IA-OA",
+    "cross-coupling PA-OA",
+];
+
+fn text(found: &Identification) -> String {
+    let mut text = format!("instrument {}\n\n", found.serial);
+    for ((name, meaning), quantity) in NAMES.iter().zip(MEANING).zip(&found.coefficients) {
+        let _ = match *name {
+            "K1_v_per_g" => writeln!(text, "{name:<12} {quantity:>16}        {meaning}"),
+            _ => writeln!(text, "{name:<12} {:>16} e-6    {meaning}", quantity.scaled(1e6)),
+        };
+    }
+    let _ = writeln!(text, "\nStandard uncertainties in units of the last digits.");
+    let _ = writeln!(text, "rank {} of {NOMINAL}, {}", found.rank, condition(found.condition));
+    if let Some(chi2) = found.chi2 {
+        let _ = writeln!(text, "chi-square {chi2:.1} at {} degrees of freedom", found.dof);
+    }
+    for direction in &found.blind_directions {
+        let parts: Vec<_> = direction.iter().map(|(name, c)| format!("{c:+.4} {name}")).collect();
+        let _ = writeln!(
+            text,
+            "BLIND: no reading of this plan sees the direction {}. Predicted vibration errors along it rest on \
+             an assumption; `vre plan` tells which positions to add.",
+            parts.join("  ")
+        );
+    }
+    if let Some(sigma) = found.prior_sigma {
+        let _ = writeln!(
+            text,
+            "Prior: every coefficient but K1 was taken as 0 +- {sigma} before the first reading."
+        );
+    }
+    text
+}
+
+/// A condition number for people.
+pub fn condition(condition: f64) -> String {
+    if condition < 1e12 {
+        format!("condition number {condition:.1}")
+    } else {
+        "condition number infinite within rounding".into()
+    }
+}

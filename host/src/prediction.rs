@@ -1,0 +1,167 @@
+//! Vibration errors of shaker runs, predicted and measured, `vre-prediction/1`.
+//!
+//! The table follows the command, so the second moments are the commanded ones. A finite random record is not
+//! Gaussian: its own third and fourth moments, which the reference accelerometer reports, shift the expected
+//! vibration error by far more than the instrument's noise; what no reference reports is a variance.
+
+use serde::Serialize;
+use shared::identify::static_test::Fit;
+use shared::model::{Coefficients, SpecificForce};
+use shared::rectification::Sensitivity;
+use shared::vibration::{Harmonic, Moments};
+
+use crate::campaign::{Campaign, Run, VibrationKind};
+use crate::error::Error;
+use crate::finite_record::unseen_variance_g2;
+use crate::identification::fit;
+use crate::quantity::Quantity;
+
+/// Standard deviation about zero that a prediction takes for each coefficient but K1 (in its own unit) when the static
+/// plan leaves some of them undetermined: about the root mean square of k1', k2, k3 and k4 in the paper's Table 1.
+pub const DEFAULT_PRIOR_SIGMA: f64 = 5e-4;
+
+/// A measured vibration error as an equation for the coefficients.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VibrationRow {
+    /// Derivatives of the vibration error by the coefficients.
+    pub sensitivity: Sensitivity<f64>,
+    /// Mean output during vibration less that before, V.
+    pub difference_v: f64,
+    /// Its standard uncertainty, V.
+    pub sigma_v: f64,
+}
+
+/// Predictions for the runs of a table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Prediction {
+    /// Always `vre-prediction/1`.
+    pub format: &'static str,
+    /// Serial number of the instrument.
+    pub serial: String,
+    /// Prior standard deviation of the coefficients, if the static plan needed one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prior_sigma: Option<f64>,
+    /// One entry a run, in the order of the table.
+    pub runs: Vec<PredictedRun>,
+}
+
+/// The vibration error of one run, in g.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PredictedRun {
+    /// Run number.
+    pub run: u64,
+    /// From the coefficients of the static test alone.
+    pub vre_g: Quantity,
+    /// From the nominal model fitted to static test and shaker runs together; absent without shaker runs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refit_vre_g: Option<Quantity>,
+    /// From the same fit with diagnosed effects.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub with_effects_vre_g: Option<Quantity>,
+    /// Measured: during less before, over K1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured_vre_g: Option<Quantity>,
+}
+
+/// Predicts the vibration error of `runs` from the campaign's static readings and, for the refit, from its shaker
+/// runs. `prior_sigma` serves where the static plan is blind, [`DEFAULT_PRIOR_SIGMA`] unless given.
+///
+/// # Errors
+/// Those of [`fit`].
+pub fn predict(
+    campaign: &Campaign,
+    runs: &[Run],
+    prior_sigma: Option<f64>,
+) -> Result<Prediction, Error> {
+    let bare = fit(campaign, &[], prior_sigma)?;
+    let blind = !bare.visibility.blind_directions().is_empty();
+    let prior_sigma = prior_sigma.or(blind.then_some(DEFAULT_PRIOR_SIGMA));
+    let from_static = if blind {
+        fit(campaign, &[], prior_sigma)?
+    } else {
+        bare
+    };
+    let rows: Vec<_> = campaign
+        .runs
+        .iter()
+        .filter_map(|run| vibration_row(run, &from_static.coefficients))
+        .collect();
+    let refit = if rows.is_empty() {
+        None
+    } else {
+        Some(fit(campaign, &rows, prior_sigma)?)
+    };
+    let predicted = runs.iter().map(|run| PredictedRun {
+        run: run.run,
+        vre_g: predicted_vre_g(run, &from_static),
+        refit_vre_g: refit.as_ref().map(|refit| predicted_vre_g(run, refit)),
+        with_effects_vre_g: None,
+        measured_vre_g: measured_vre_g(run, &from_static.coefficients),
+    });
+    Ok(Prediction {
+        format: "vre-prediction/1",
+        serial: campaign.config.instrument.serial.clone(),
+        prior_sigma,
+        runs: predicted.collect(),
+    })
+}
+
+/// The vibration error that a fit predicts for a run, g, with the uncertainty of the coefficients and of the
+/// finite random record.
+pub fn predicted_vre_g(run: &Run, fit: &Fit<f64>) -> Quantity {
+    let sensitivity = sensitivity(run);
+    let variance =
+        sensitivity.variance_g2(&fit.covariance) + unseen_variance_g2(run, &fit.coefficients);
+    Quantity::new(
+        sensitivity.vre_g(&fit.coefficients),
+        variance.max(0.0).sqrt(),
+    )
+}
+
+/// The measured vibration error of a run, g; K1's uncertainty, some 1e-6 of it, is left out.
+pub fn measured_vre_g(run: &Run, coefficients: &Coefficients<f64>) -> Option<Quantity> {
+    let measured = run.measured?;
+    let k1 = coefficients.scale_factor_v_per_g;
+    let value = (measured.during_v - measured.before_v) / k1;
+    Some(Quantity::new(
+        value,
+        std::f64::consts::SQRT_2 * measured.sigma_v / k1,
+    ))
+}
+
+/// Derivatives of a run's vibration error by the coefficients.
+pub fn sensitivity(run: &Run) -> Sensitivity<f64> {
+    Sensitivity::new(run.specific_force_g.i, moments(run))
+}
+
+/// The moments of a run's vibration: commanded level, and the shape that the reference saw.
+pub fn moments(run: &Run) -> Moments<f64> {
+    let [i, p, o] = run.direction.map(|cosine| cosine * run.level_g);
+    match run.kind {
+        VibrationKind::Sine => Harmonic {
+            amplitude_g: SpecificForce::new(i, p, o),
+        }
+        .into(),
+        VibrationKind::Random => {
+            // Motion along one line: the axes are correlated by the signs of their direction cosines.
+            let sign = |x: f64, y: f64| if x * y == 0.0 { 0.0 } else { (x * y).signum() };
+            let (skew, kurt) = match &run.reference {
+                Some(seen) if seen.kurtosis[0] > 0.0 => (seen.skewness[0], seen.kurtosis[0]),
+                _ => (0.0, 3.0),
+            };
+            let rms = SpecificForce::new(i.abs(), p.abs(), o.abs());
+            Moments::near_gaussian(rms, [sign(i, p), sign(i, o), sign(p, o)], skew, kurt)
+        }
+    }
+}
+
+fn vibration_row(run: &Run, coefficients: &Coefficients<f64>) -> Option<VibrationRow> {
+    let measured = run.measured?;
+    let k1 = coefficients.scale_factor_v_per_g;
+    let variance = 2.0 * measured.sigma_v.powi(2) + k1 * k1 * unseen_variance_g2(run, coefficients);
+    Some(VibrationRow {
+        sensitivity: sensitivity(run),
+        difference_v: measured.during_v - measured.before_v,
+        sigma_v: variance.sqrt(),
+    })
+}
