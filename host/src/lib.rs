@@ -6,5 +6,7 @@ pub mod error;
 mod finite_record;
 pub mod identification;
 pub mod output;
+pub mod paper;
+pub mod planning;
 pub mod prediction;
 pub mod quantity;

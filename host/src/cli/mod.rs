@@ -43,6 +43,8 @@ macro_rules! commands {
 
 commands! {
     identify::Identify,
+    paper::Paper,
+    plan::Plan,
     predict::Predict,
 }
 

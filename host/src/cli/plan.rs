@@ -1,0 +1,376 @@
+//! `vre plan`
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::str::FromStr;
+
+use serde::Serialize;
+use shared::identify::static_test::Bench;
+use shared::model::{NOMINAL, SpecificForce};
+use shared::tumble::{Position, Series, full_rank_plan, paper_plan};
+use shared::vibration::{Harmonic, Moments, Random};
+
+use super::identify::condition;
+use super::{Command, Console, positive};
+use crate::campaign::Campaign;
+use crate::error::{Error, Problem};
+use crate::identification::{self, NAMES};
+use crate::planning::{
+    Assessment, Conditions, Environment, assess, best_plan, positions_to_add, twice_and_remounted,
+};
+use crate::prediction::DEFAULT_PRIOR_SIGMA;
+
+/// Tell what a plan of dial positions can and cannot tell: rank, blind directions, uncertainty of the predicted VRE
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    vre plan paper --vibration random:1 --dial-sigma 5.8\n  \
+    vre plan full --vibration sine:5 --vibration random:2 --a0 0.5 --best 80\n  \
+    vre plan campaigns/S01000 --vibration random:1")]
+pub struct Plan {
+    /// `paper` (24 positions), `full` (40, full rank), a CSV file with the columns series, dial_deg and mount_deg
+    /// (optional), or a campaign folder, whose stated uncertainties then hold
+    plan: String,
+    /// Vibration in which the error is to be predicted, KIND:LEVEL, `sine:` peak or `random:` rms in g; repeatable
+    #[arg(long, value_name = "KIND:LEVEL", default_value = "random:1")]
+    vibration: Vec<Vibration>,
+    /// Direction of the vibration on IA, PA, OA; any length
+    #[arg(long, value_name = "I,P,O", default_value = "1,0,0", value_parser = direction, allow_hyphen_values = true)]
+    direction: [f64; 3],
+    /// Systematic specific force on IA during the vibration, g
+    #[arg(long, value_name = "G", default_value_t = 0.0, allow_negative_numbers = true)]
+    a0: f64,
+    /// Standard uncertainty of a dial mark, arcsec [default: the campaign's, or 5.8, a limit of +-10]
+    #[arg(long, value_name = "ARCSEC", value_parser = not_negative)]
+    dial_sigma: Option<f64>,
+    /// Standard uncertainty of the base's level, arcsec [default: the campaign's, or that of the dial]
+    #[arg(long, value_name = "ARCSEC", value_parser = not_negative)]
+    level_sigma: Option<f64>,
+    /// Repeatability of a setting, arcsec [default: the campaign's, or 1]
+    #[arg(long, value_name = "ARCSEC", value_parser = not_negative)]
+    repeat_sigma: Option<f64>,
+    /// Standard uncertainty of a remounting angle, arcsec [default: the campaign's, or 60]
+    #[arg(long, value_name = "ARCSEC", value_parser = not_negative)]
+    mount_sigma: Option<f64>,
+    /// Standard uncertainty of one reading from noise alone, g [default: the campaign's mean, or 1.5e-6]
+    #[arg(long, value_name = "G", value_parser = positive)]
+    noise: Option<f64>,
+    /// Standard deviation about zero of every coefficient but K1, for what the plan is blind to
+    #[arg(long, value_name = "SIGMA", default_value_t = DEFAULT_PRIOR_SIGMA, value_parser = positive)]
+    prior_sigma: f64,
+    /// Search the best plan of N readings for these vibrations
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(11..=400))]
+    best: Option<u16>,
+}
+
+#[derive(Clone)]
+struct Vibration {
+    text: String,
+    sine: bool,
+    level_g: f64,
+}
+
+impl FromStr for Vibration {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (kind, level) = text.split_once(':').ok_or("is not KIND:LEVEL, such as random:1")?;
+        let sine = match kind {
+            "sine" => true,
+            "random" => false,
+            _ => return Err("the kind is neither sine nor random".into()),
+        };
+        Ok(Self { text: text.into(), sine, level_g: positive(level)? })
+    }
+}
+
+fn direction(text: &str) -> Result<[f64; 3], String> {
+    let parts: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    let &[i, p, o] = parts.as_slice() else {
+        return Err("is not three numbers with commas between".into());
+    };
+    let length = (i * i + p * p + o * o).sqrt();
+    if !(length.is_finite() && length > 0.0) {
+        return Err("has no direction".into());
+    }
+    Ok([i / length, p / length, o / length])
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+        _ => Err("is not a finite number, zero or greater".into()),
+    }
+}
+
+/// What the command tells, `vre-plan/1`.
+#[derive(Serialize)]
+struct Advice {
+    format: &'static str,
+    plan: Assessment,
+    /// Positions worth adding one after another, with the worst environment's uncertainty after each.
+    add: Vec<Addition>,
+    /// The plan taken twice with one mount.
+    twice: Assessment,
+    /// The same number of readings, half of them remounted by 180 deg.
+    remounted: Assessment,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    best: Option<Best>,
+}
+
+#[derive(Serialize)]
+struct Addition {
+    #[serde(flatten)]
+    position: Position,
+    vre_sigma_g: f64,
+}
+
+#[derive(Serialize)]
+struct Best {
+    #[serde(flatten)]
+    assessment: Assessment,
+    positions: Vec<Position>,
+}
+
+/// Positions to add that are looked for.
+const MOST_ADDITIONS: usize = 8;
+
+impl Command for Plan {
+    fn run(self, console: &Console) -> Result<(), Error> {
+        let (plan, conditions) = self.plan_and_conditions()?;
+        let environments = self.environments();
+        let fail = |error| Error::Usage(format!("{}: {error}", self.plan));
+        if plan.len() < NOMINAL {
+            return Err(Error::Usage(format!(
+                "{}: has {} positions, the model {NOMINAL} coefficients",
+                self.plan,
+                plan.len()
+            )));
+        }
+        let (twice, remounted) = twice_and_remounted(&plan);
+        let additions =
+            positions_to_add(&plan, &conditions, &environments, MOST_ADDITIONS).map_err(fail)?;
+        let best = match self.best {
+            None => None,
+            Some(readings) => {
+                let readings = usize::from(readings);
+                let bar = console.progress(2 * readings as u64, "searching the best plan");
+                let positions =
+                    best_plan(readings, &conditions, &environments, || bar.inc(1)).map_err(fail)?;
+                bar.finish_and_clear();
+                let assessment =
+                    assess(&positions, &conditions, &environments).map_err(fail)?;
+                Some(Best { assessment, positions })
+            }
+        };
+        let judge = |plan: &[Position]| assess(plan, &conditions, &environments).map_err(fail);
+        let advice = Advice {
+            format: "vre-plan/1",
+            plan: judge(&plan)?,
+            add: additions
+                .into_iter()
+                .map(|(position, vre_sigma_g)| Addition { position, vre_sigma_g })
+                .collect(),
+            twice: judge(&twice)?,
+            remounted: judge(&remounted)?,
+            best,
+        };
+        console.print(text(&advice, &conditions))?;
+        console.json(&advice)
+    }
+}
+
+impl Plan {
+    fn plan_and_conditions(&self) -> Result<(Vec<Position>, Conditions), Error> {
+        let arcsec = |angle: f64| (angle / 3600.0).to_radians();
+        let dial_sigma_rad = arcsec(self.dial_sigma.unwrap_or(5.8));
+        let mut conditions = Conditions {
+            bench: Bench {
+                dial_sigma_rad,
+                dial_repeat_sigma_rad: arcsec(1.0),
+                mount_sigma_rad: arcsec(60.0),
+                level_sigma_rad: dial_sigma_rad,
+                local_gravity_g: 1.0,
+            },
+            noise_g: 1.5e-6,
+            prior_sigma: self.prior_sigma,
+        };
+        let path = Path::new(&self.plan);
+        let plan = match self.plan.as_str() {
+            "paper" => paper_plan().collect(),
+            "full" => full_rank_plan().collect(),
+            _ if path.is_dir() => {
+                let campaign = Campaign::read(path)?;
+                conditions.bench = identification::bench(&campaign.config.bench);
+                let k1 = campaign.config.instrument.scale_factor_nominal_v_per_g;
+                let n = campaign.readings.len() as f64;
+                conditions.noise_g =
+                    campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1;
+                campaign.readings.iter().map(identification::position).collect()
+            }
+            _ => read_positions(path)?,
+        };
+        let bench = &mut conditions.bench;
+        for (given, into) in [
+            (self.dial_sigma, &mut bench.dial_sigma_rad),
+            (self.level_sigma, &mut bench.level_sigma_rad),
+            (self.repeat_sigma, &mut bench.dial_repeat_sigma_rad),
+            (self.mount_sigma, &mut bench.mount_sigma_rad),
+        ] {
+            if let Some(given) = given {
+                *into = arcsec(given);
+            }
+        }
+        if let Some(noise) = self.noise {
+            conditions.noise_g = noise;
+        }
+        Ok((plan, conditions))
+    }
+
+    fn environments(&self) -> Vec<Environment> {
+        let moments = |vibration: &Vibration| -> Moments<f64> {
+            let [i, p, o] = self.direction.map(|cosine| cosine * vibration.level_g);
+            let along = SpecificForce::new(i, p, o);
+            if vibration.sine {
+                Harmonic { amplitude_g: along }.into()
+            } else {
+                Random::along(along).into()
+            }
+        };
+        let environment = |vibration: &Vibration| Environment {
+            name: vibration.text.clone(),
+            a0_i_g: self.a0,
+            moments: moments(vibration),
+        };
+        self.vibration.iter().map(environment).collect()
+    }
+}
+
+#[derive(serde::Deserialize)]
+struct PlanRow {
+    series: u8,
+    dial_deg: f64,
+    #[serde(default)]
+    mount_deg: f64,
+}
+
+/// Reads a plan's table: columns series, dial_deg and, optional, mount_deg.
+fn read_positions(file: &Path) -> Result<Vec<Position>, Error> {
+    let at = |line: u64, problem: String| Error::Input {
+        place: crate::error::Place { row: Some(line), ..crate::error::Place::file(file) },
+        problem: Problem::Other(problem),
+    };
+    let mut reader = csv::Reader::from_path(file)
+        .map_err(|error| Error::read(file)(error.into()))?;
+    let mut plan = Vec::new();
+    for (k, row) in reader.deserialize::<PlanRow>().enumerate() {
+        let line = k as u64 + 2;
+        let row = row.map_err(|error| at(line, error.to_string()))?;
+        let series =
+            Series::try_from(row.series).map_err(|error| at(line, error.to_string()))?;
+        if !(row.dial_deg.is_finite() && row.mount_deg.is_finite()) {
+            return Err(at(line, "an angle is not a finite number".into()));
+        }
+        if plan.len() == 4096 {
+            return Err(at(line, "a plan has 4096 positions at the most".into()));
+        }
+        plan.push(Position { series, dial_deg: row.dial_deg, mount_deg: row.mount_deg });
+    }
+    Ok(plan)
+}
+
+fn text(advice: &Advice, conditions: &Conditions) -> String {
+    let mut text = String::new();
+    let plan = &advice.plan;
+    let _ = writeln!(
+        text,
+        "{} readings, rank {} of {NOMINAL}, {}",
+        plan.readings,
+        plan.rank,
+        condition(plan.condition)
+    );
+    for direction in &plan.blind_directions {
+        let parts: Vec<_> = direction.iter().map(|(name, c)| format!("{c:+.4} {name}")).collect();
+        let _ = writeln!(text, "BLIND along {}: no reading sees it.", parts.join("  "));
+    }
+    let arcsec = |angle: f64| angle.to_degrees() * 3600.0;
+    let b = &conditions.bench;
+    let _ = writeln!(
+        text,
+        "\ndial {:.3} arcsec, repeatability {:.3}, level {:.3}, mount {:.3}; noise {:.2e} g a reading\n",
+        arcsec(b.dial_sigma_rad),
+        arcsec(b.dial_repeat_sigma_rad),
+        arcsec(b.level_sigma_rad),
+        arcsec(b.mount_sigma_rad),
+        conditions.noise_g
+    );
+    let _ = writeln!(text, "Standard uncertainty of each coefficient, 1e-6 of its unit:");
+    for name in NAMES {
+        let _ = match plan.coefficient_sigma.get(name).copied().flatten() {
+            Some(sigma) => writeln!(text, "  {name:<12} {:>10.2}", sigma * 1e6),
+            None => writeln!(text, "  {name:<12} undetermined"),
+        };
+    }
+    let _ = writeln!(
+        text,
+        "\nStandard uncertainty of the predicted vibration error, 1e-6 g (blind: if every coefficient is 0 +- {:e}):",
+        conditions.prior_sigma
+    );
+    let _ = writeln!(text, "  {:<34} {:>9} {:>9} {:>9}", "", "readings", "blind", "together");
+    let mut rows: Vec<(&str, &Assessment)> = vec![
+        ("this plan", plan),
+        ("twice, one mount", &advice.twice),
+        ("as many, half remounted by 180 deg", &advice.remounted),
+    ];
+    if let Some(best) = &advice.best {
+        rows.push(("best plan found", &best.assessment));
+    }
+    for k in 0..plan.environments.len() {
+        let _ = writeln!(text, "{}", plan.environments[k].name);
+        for (name, assessment) in &rows {
+            let e = &assessment.environments[k];
+            let _ = writeln!(
+                text,
+                "  {name:<34} {:>9.2} {:>9.2} {:>9.2}   {} readings, rank {}",
+                e.readings_sigma_g * 1e6,
+                e.blind_sigma_g * 1e6,
+                e.sigma_g() * 1e6,
+                assessment.readings,
+                assessment.rank
+            );
+        }
+        let gain = advice.twice.environments[k].readings_sigma_g
+            / advice.remounted.environments[k].readings_sigma_g;
+        let _ = writeln!(text, "  remounting divides what the readings leave by {gain:.1}");
+    }
+    if advice.add.is_empty() {
+        let _ = writeln!(text, "\nNo single position more lowers this by 2 %.");
+    } else {
+        let _ = writeln!(text, "\nPositions to add, each the best after those above it:");
+        for Addition { position, vre_sigma_g } in &advice.add {
+            let _ = writeln!(
+                text,
+                "  series {}  dial {:>5} deg   then {:.2}e-6 g together",
+                u8::from(position.series),
+                position.dial_deg,
+                vre_sigma_g * 1e6
+            );
+        }
+    }
+    if let Some(best) = &advice.best {
+        let _ = writeln!(
+            text,
+            "\nBest plan found (a local optimum; best for these vibrations only, and for no others):"
+        );
+        for group in best.positions.chunk_by(|a, b| a.series == b.series && a.mount_deg == b.mount_deg)
+        {
+            let angles: Vec<_> = group.iter().map(|p| p.dial_deg.to_string()).collect();
+            let _ = writeln!(
+                text,
+                "  series {}, mount {:>3} deg, dial {}",
+                u8::from(group[0].series),
+                group[0].mount_deg,
+                angles.join(" ")
+            );
+        }
+    }
+    text
+}

@@ -1,0 +1,229 @@
+//! The source paper's published tables beside what its own equation (9) makes of them.
+//!
+//! N. Chernyak et al., identification of the vibration error of a navigation accelerometer in its static tests:
+//! Table 1, coefficients of three types of instrument, and Table 2, their vibration errors in white noise of 1 g rms,
+//! computed by the paper and measured on a shaker. The tables carry no uncertainties.
+
+use serde::Serialize;
+use shared::identify::closed_form::paper_blind_direction;
+use shared::model::{Coefficients, SpecificForce};
+use shared::rectification::Sensitivity;
+use shared::vibration::Random;
+
+/// A type of instrument in the paper.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Published {
+    /// Name of the type.
+    pub instrument: &'static str,
+    /// Table 1; the scale factor is not published and stands as 1 V/g.
+    pub coefficients: Coefficients<f64>,
+    /// Table 2, vibration error computed by the paper, g.
+    pub computed_vre_g: f64,
+    /// Table 2, vibration error measured on the shaker, g.
+    pub measured_vre_g: f64,
+}
+
+/// A row of Table 1 as printed: k0, k1', k2, k3, k4, d_PA, d_OA in 1e-4, k_IO in 1e-5, k_IP in 1e-6, k_PO in 1e-7;
+/// and of Table 2 in 1e-4 g.
+const fn published(instrument: &'static str, t1: [f64; 10], t2: [f64; 2]) -> Published {
+    Published {
+        instrument,
+        coefficients: Coefficients {
+            scale_factor_v_per_g: 1.0,
+            bias_g: t1[0] * 1e-4,
+            asymmetry: t1[1] * 1e-4,
+            second_order_per_g: t1[2] * 1e-4,
+            third_order_per_g2: t1[3] * 1e-4,
+            fourth_order_per_g3: t1[4] * 1e-4,
+            fifth_order_per_g4: 0.0,
+            misalignment_oa_rad: t1[6] * 1e-4,
+            misalignment_pa_rad: t1[5] * 1e-4,
+            cross_ip_per_g: t1[8] * 1e-6,
+            cross_io_per_g: t1[7] * 1e-5,
+            cross_po_per_g: t1[9] * 1e-7,
+        },
+        computed_vre_g: t2[0] * 1e-4,
+        measured_vre_g: t2[1] * 1e-4,
+    }
+}
+
+/// Tables 1 and 2.
+pub const TABLES: [Published; 3] = [
+    published(
+        "AKS-05",
+        [
+            -0.07, 3.015, -2.56, -1.20, -1.20, 3.90, 3.05, 1.1, 1.1, 0.001,
+        ],
+        [1.8, 2.8],
+    ),
+    published(
+        "A-15",
+        [
+            0.12, -6.850, 0.50, 1.12, 1.12, 9.01, -5.02, -1.0, -1.0, -0.002,
+        ],
+        [-8.0, -6.7],
+    ),
+    published(
+        "AL-1",
+        [-2.25, -8.132, 4.2, -8.0, -8.0, 1.80, 0.80, 5.5, 5.5, 550.0],
+        [15.5, 21.0],
+    ),
+];
+
+/// What one instrument's tables say to each other, `vre-paper/1`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Name of the type.
+    pub instrument: &'static str,
+    /// (9) from Table 1 at 1 g rms along IA, a0 = 0, g.
+    pub equation_9_vre_g: f64,
+    /// Table 2, computed by the paper, g.
+    pub paper_computed_vre_g: f64,
+    /// Table 2, measured, g.
+    pub paper_measured_vre_g: f64,
+    /// (computed - measured) / measured, as the paper compares them.
+    pub paper_mismatch: f64,
+    /// What would have to stand in Table 1 for (9) to give the paper's computed value.
+    pub implied_by_computed: Implied,
+    /// What would have to stand in Table 1 for (9) to give the measured value.
+    pub implied_by_measured: Implied,
+}
+
+/// Coefficients that would give a vibration error, each alone changed, or all three along the direction that the
+/// paper's plan cannot see.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Implied {
+    /// k1', all else as published.
+    pub k1_prime: f64,
+    /// k2, all else as published, 1/g.
+    pub k2_per_g: f64,
+    /// k4, all else as published, 1/g^3.
+    pub k4_per_g3: f64,
+    /// (k1', k2, k4) moved along the blind direction only: the paper's 24 voltages would be the same.
+    pub along_blind_direction: [f64; 3],
+    /// Length of that move.
+    pub blind_step: f64,
+}
+
+/// Weights of k1', k2 and k4 in the VRE: of (9), and those that Table 2 asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Weights {
+    /// (9) at 1 g rms, a0 = 0.
+    pub equation_9: [f64; 3],
+    /// Solved from the paper's computed values of the three instruments.
+    pub from_computed: [f64; 3],
+    /// Solved from the measured values.
+    pub from_measured: [f64; 3],
+}
+
+/// Derivatives of (9) by k1', k2, k4 at 1 g rms along IA, a0 = 0.
+fn weights_of_9() -> [f64; 3] {
+    let s = Sensitivity::new(0.0, Random::along(SpecificForce::new(1.0, 0.0, 0.0)));
+    [s.nominal[2], s.nominal[3], s.nominal[5]]
+}
+
+fn even(c: &Coefficients<f64>) -> [f64; 3] {
+    [c.asymmetry, c.second_order_per_g, c.fourth_order_per_g3]
+}
+
+/// Compares the tables with (9).
+pub fn compare() -> Vec<Comparison> {
+    TABLES.iter().map(comparison).collect()
+}
+
+fn comparison(row: &Published) -> Comparison {
+    let vibration = Random::along(SpecificForce::new(1.0, 0.0, 0.0));
+    let vre_g = Sensitivity::new(0.0, vibration).vre_g(&row.coefficients);
+    let [w1, w2, w4] = weights_of_9();
+    let blind = paper_blind_direction::<f64>();
+    let implied = |target_g: f64| {
+        let missing_g = target_g - vre_g;
+        let published = even(&row.coefficients);
+        let blind_step = missing_g / (w1 * blind[0] + w2 * blind[1] + w4 * blind[2]);
+        Implied {
+            k1_prime: published[0] + missing_g / w1,
+            k2_per_g: published[1] + missing_g / w2,
+            k4_per_g3: published[2] + missing_g / w4,
+            along_blind_direction: std::array::from_fn(|k| published[k] + blind_step * blind[k]),
+            blind_step,
+        }
+    };
+    Comparison {
+        instrument: row.instrument,
+        equation_9_vre_g: vre_g,
+        paper_computed_vre_g: row.computed_vre_g,
+        paper_measured_vre_g: row.measured_vre_g,
+        paper_mismatch: (row.computed_vre_g - row.measured_vre_g) / row.measured_vre_g,
+        implied_by_computed: implied(row.computed_vre_g),
+        implied_by_measured: implied(row.measured_vre_g),
+    }
+}
+
+/// The weights that the three instruments together ask for, by Cramer's rule.
+pub fn weights() -> Weights {
+    let rows = TABLES.map(|row| even(&row.coefficients));
+    let determinant = |m: &[[f64; 3]; 3]| {
+        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1])
+            - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
+            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
+    };
+    let solve = |rhs: [f64; 3]| {
+        std::array::from_fn(|column| {
+            let mut replaced = rows;
+            for (row, value) in replaced.iter_mut().zip(rhs) {
+                row[column] = value;
+            }
+            determinant(&replaced) / determinant(&rows)
+        })
+    };
+    Weights {
+        equation_9: weights_of_9(),
+        from_computed: solve(TABLES.map(|row| row.computed_vre_g)),
+        from_measured: solve(TABLES.map(|row| row.measured_vre_g)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn computed_row_asks_for_a_weight_of_k4_that_no_vibration_has() {
+        let weights = weights();
+        for (ours, known) in weights.from_computed.iter().zip([0.92, 1.38, -2.14]) {
+            assert!((ours - known).abs() < 0.005, "{ours} {known}");
+        }
+    }
+
+    #[test]
+    fn implied_coefficients_give_what_they_are_implied_by() {
+        for (row, compared) in TABLES.iter().zip(compare()) {
+            let implied = compared.implied_by_measured;
+            let mut moved = row.coefficients;
+            let [k1_prime, k2, k4] = implied.along_blind_direction;
+            (
+                moved.asymmetry,
+                moved.second_order_per_g,
+                moved.fourth_order_per_g3,
+            ) = (k1_prime, k2, k4);
+            // By the time mean of the model over white noise of 1 g rms, by the midpoint rule.
+            let n = 200_000;
+            let mean = (0..n)
+                .map(|k| {
+                    let x = -8.0 + 16.0 * (f64::from(k) + 0.5) / f64::from(n);
+                    let weight = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt() * 16.0;
+                    weight / f64::from(n) * moved.error_g(SpecificForce::new(x, 0.0, 0.0))
+                })
+                .sum::<f64>();
+            let vre_g = mean - moved.bias_g;
+            assert!((vre_g - row.measured_vre_g).abs() < 1e-10, "{vre_g}");
+        }
+    }
+
+    #[test]
+    fn papers_own_mismatch_is_36_19_and_26_per_cent() {
+        for (compared, known) in compare().iter().zip([0.36, 0.19, 0.26]) {
+            assert!((compared.paper_mismatch.abs() - known).abs() < 0.005);
+        }
+    }
+}
