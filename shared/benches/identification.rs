@@ -55,7 +55,11 @@ fn eighty_readings(bencher: Bencher) {
     let readings = readings();
     let mut workspace = vec![0.0; workspace_len(MARKS, MOUNTS)];
     bencher.bench_local(|| {
-        let first = pass(black_box(&readings), Coefficients::default(), &mut workspace)?;
+        let first = pass(
+            black_box(&readings),
+            Coefficients::default(),
+            &mut workspace,
+        )?;
         pass(&readings, first.coefficients, &mut workspace)
     });
 }
