@@ -13,6 +13,7 @@
 //! | [`tumble`] | the static test on a dividing head: series, dial angle, specific force | |
 //! | [`identify`] | coefficients from dial readings, with rank, blind directions, covariance | (10)-(17) |
 //! | [`moments`] | streaming, mergeable moments of the converter's codes | (2) |
+//! | [`slope`] | measured vibration error by integration and line fit | |
 //! | [`wire`] | messages between instrument and host, and their framing | |
 //!
 //! Units: specific force and everything that the model's bracket adds up is in g, the standard
@@ -28,6 +29,7 @@ pub mod model;
 pub mod moments;
 pub mod rectification;
 pub mod scalar;
+pub mod slope;
 pub mod tumble;
 pub mod vibration;
 pub mod wire;
