@@ -10,3 +10,5 @@ pub mod paper;
 pub mod planning;
 pub mod prediction;
 pub mod quantity;
+pub mod record;
+pub mod source;
