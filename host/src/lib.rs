@@ -10,5 +10,4 @@ pub mod paper;
 pub mod planning;
 pub mod prediction;
 pub mod quantity;
-pub mod record;
-pub mod source;
+pub mod reduction;

@@ -245,7 +245,7 @@ fn a_bad_cell_is_named_by_file_row_and_column() {
         (
             "vibration.csv",
             "dir_i",
-            "0.7072",
+            "0.6001",
             "column dir_i: the direction is 1.0000",
         ),
         (

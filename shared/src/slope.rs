@@ -201,6 +201,23 @@ impl Trace {
         (self.count > 0).then_some(self.origin + slope)
     }
 
+    /// The slope of [`Self::line_fit`] with its standard uncertainty, from this trace alone.
+    ///
+    /// # Errors
+    /// [`SlopeError::TooShort`].
+    pub fn line_fit_estimate(&self) -> Result<Estimate, SlopeError> {
+        let short = SlopeError::TooShort { count: self.count };
+        let noise = self.noise(self.count)?;
+        let white = Window::Parabola.noise() * noise.density / self.count as f64;
+        let variance = white + self.leakage(Window::Parabola, 4);
+        Ok(Estimate {
+            value: self.line_fit().ok_or(short)?,
+            sigma: variance.sqrt(),
+            // Welch and Satterthwaite; the leakage counts as known.
+            degrees_of_freedom: noise.degrees_of_freedom * (variance / white).powi(2),
+        })
+    }
+
     /// Noise at low frequencies, for a mean over `span` samples, which may be more than there are.
     ///
     /// # Errors

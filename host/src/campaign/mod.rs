@@ -20,7 +20,7 @@ use std::path::Path;
 
 pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Shaker};
 pub use shared::tumble::Series;
-pub use static_table::{Approach, Reading};
+pub use static_table::{Approach, Reading, read_plan};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
 pub use vibration_table::{Extremes, Measured, ReferenceMoments, Run, VibrationKind, read_runs};
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use shared::model::SpecificForce;
-use shared::tumble::Series;
+use shared::tumble::{Position, Series};
 
 use super::config::CampaignConfig;
 
@@ -101,17 +101,50 @@ pub(super) fn read(file: &Path, config: &CampaignConfig) -> Result<Vec<Reading>,
     Ok(readings)
 }
 
-fn reading(row: &Row<'_>, order: u64) -> Result<Reading, Error> {
-    let [i, p, o] = row.numbers(FORCE)?;
-    let reading = Reading {
-        order,
-        time_s: row.number("time_s")?,
+/// Most positions of a plan: what is weighed against every candidate stays quick.
+const MAX_POSITIONS: usize = 4096;
+
+/// Reads a plan: a table of which only series, dial_deg and, optional, mount_deg count; static.csv is one.
+///
+/// # Errors
+/// The first thing wrong in the table; more than 4096 positions.
+pub fn read_plan(file: &Path) -> Result<Vec<Position>, Error> {
+    let mut table = Table::open(file, &["series", "dial_deg"])?;
+    let mut plan = Vec::new();
+    while let Some(row) = table.next_row()? {
+        if plan.len() == MAX_POSITIONS {
+            let problem = format!("a plan has {MAX_POSITIONS} positions at the most");
+            return Err(row.error("series", problem));
+        }
+        plan.push(position(&row)?);
+    }
+    Ok(plan)
+}
+
+fn position(row: &Row<'_>) -> Result<Position, Error> {
+    Ok(Position {
         series: row.one_of("series", &SERIES, "a series: 1, 2 or 3")?,
         dial_deg: row.within("dial_deg", -3600.0, 3600.0)?,
         mount_deg: match row.text("mount_deg") {
             Some(_) => row.within("mount_deg", -3600.0, 3600.0)?,
             None => 0.0,
         },
+    })
+}
+
+fn reading(row: &Row<'_>, order: u64) -> Result<Reading, Error> {
+    let [i, p, o] = row.numbers(FORCE)?;
+    let Position {
+        series,
+        dial_deg,
+        mount_deg,
+    } = position(row)?;
+    let reading = Reading {
+        order,
+        time_s: row.number("time_s")?,
+        series,
+        dial_deg,
+        mount_deg,
         approach: row.one_of("approach", &APPROACHES, "an approach: cw or ccw")?,
         specific_force_g: SpecificForce::new(i, p, o),
         temp_c: row.within("temp_c", -273.15, 1000.0)?,

@@ -7,13 +7,13 @@ use std::str::FromStr;
 use serde::Serialize;
 use shared::identify::static_test::Bench;
 use shared::model::{NOMINAL, SpecificForce};
-use shared::tumble::{Position, Series, full_rank_plan, paper_plan};
+use shared::tumble::{Position, full_rank_plan, paper_plan};
 use shared::vibration::{Harmonic, Moments, Random};
 
 use super::identify::condition;
 use super::{Command, Console, positive};
-use crate::campaign::Campaign;
-use crate::error::{Error, Problem};
+use crate::campaign::{Campaign, read_plan};
+use crate::error::Error;
 use crate::identification::{self, NAMES};
 use crate::planning::{
     Assessment, Conditions, Environment, assess, best_plan, positions_to_add, twice_and_remounted,
@@ -206,7 +206,7 @@ impl Plan {
                     campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1;
                 campaign.readings.iter().map(identification::position).collect()
             }
-            _ => read_positions(path)?,
+            _ => read_plan(path)?,
         };
         let bench = &mut conditions.bench;
         for (given, into) in [
@@ -242,39 +242,6 @@ impl Plan {
         };
         self.vibration.iter().map(environment).collect()
     }
-}
-
-#[derive(serde::Deserialize)]
-struct PlanRow {
-    series: u8,
-    dial_deg: f64,
-    #[serde(default)]
-    mount_deg: f64,
-}
-
-/// Reads a plan's table: columns series, dial_deg and, optional, mount_deg.
-fn read_positions(file: &Path) -> Result<Vec<Position>, Error> {
-    let at = |line: u64, problem: String| Error::Input {
-        place: crate::error::Place { row: Some(line), ..crate::error::Place::file(file) },
-        problem: Problem::Other(problem),
-    };
-    let mut reader = csv::Reader::from_path(file)
-        .map_err(|error| Error::read(file)(error.into()))?;
-    let mut plan = Vec::new();
-    for (k, row) in reader.deserialize::<PlanRow>().enumerate() {
-        let line = k as u64 + 2;
-        let row = row.map_err(|error| at(line, error.to_string()))?;
-        let series =
-            Series::try_from(row.series).map_err(|error| at(line, error.to_string()))?;
-        if !(row.dial_deg.is_finite() && row.mount_deg.is_finite()) {
-            return Err(at(line, "an angle is not a finite number".into()));
-        }
-        if plan.len() == 4096 {
-            return Err(at(line, "a plan has 4096 positions at the most".into()));
-        }
-        plan.push(Position { series, dial_deg: row.dial_deg, mount_deg: row.mount_deg });
-    }
-    Ok(plan)
 }
 
 fn text(advice: &Advice, conditions: &Conditions) -> String {
