@@ -1,5 +1,6 @@
 //! The library behind the command `vre`.
 
+pub mod bench;
 pub mod campaign;
 pub mod cli;
 pub mod error;

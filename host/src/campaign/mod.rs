@@ -22,7 +22,9 @@ pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Shaker};
 pub use shared::tumble::Series;
 pub use static_table::{Approach, Reading, read_plan};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
-pub use vibration_table::{Extremes, Measured, ReferenceMoments, Run, VibrationKind, read_runs};
+pub use vibration_table::{
+    Extremes, Measured, ReferenceMoments, Run, VibrationKind, read_runs, write_runs,
+};
 
 use crate::error::{Error, Problem};
 use crate::output::write_file;
@@ -72,7 +74,7 @@ impl Campaign {
         self.config.write(&folder.join("campaign.toml"))?;
         static_table::write(&folder.join("static.csv"), &self.readings)?;
         if !self.runs.is_empty() {
-            vibration_table::write(&folder.join("vibration.csv"), &self.runs)?;
+            write_runs(&folder.join("vibration.csv"), &self.runs)?;
         }
         Ok(())
     }

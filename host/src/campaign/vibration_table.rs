@@ -304,8 +304,11 @@ fn each_within(row: &Row<'_>, columns: [&str; 3], low: f64, high: f64) -> Result
     ])
 }
 
-/// Writes a table of runs.
-pub(super) fn write(file: &Path, runs: &[Run]) -> Result<(), Error> {
+/// Writes a table of runs, made or still to be predicted.
+///
+/// # Errors
+/// What the file system says.
+pub fn write_runs(file: &Path, runs: &[Run]) -> Result<(), Error> {
     let mut columns = [CONDITIONS.as_slice(), &OUTPUT].concat();
     let with_moments = runs.iter().any(|run| run.reference.is_some());
     let with_correlation = runs

@@ -1,0 +1,23 @@
+//! The virtual bench, in the time domain: a dividing head, a shaker, an accelerometer with its errors, and what
+//! the nominal model does not know of them.
+//!
+//! ```text
+//! plan -> dial ------------------\
+//!      -> shaker -> chain (table, fixture, instrument, converter) -> simulate -> campaign, truth
+//!                       \-> reference                            \-> signal  -> converter -> firmware
+//! ```
+//!
+//! The parts err as real ones do ([`dial`], [`noise`], [`environment`]); [`effects`] holds what a model leaves
+//! out. Nothing here knows the averaged formulas that the rest of the project tests itself with: a plateau's
+//! mean is the mean of its waveform.
+
+pub mod accelerometer;
+pub mod chain;
+pub mod dial;
+pub mod effects;
+pub mod environment;
+pub mod noise;
+pub mod plan;
+pub mod reference;
+pub mod shaker;
+pub mod simulate;
