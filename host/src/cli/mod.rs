@@ -46,6 +46,7 @@ commands! {
     paper::Paper,
     plan::Plan,
     predict::Predict,
+    simulate::Simulate,
 }
 
 /// Vibration rectification error of a navigation accelerometer: predicted from a static test, compared with
