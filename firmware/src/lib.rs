@@ -1,2 +1,9 @@
-//! The instrument, everything that compiles on the host too.
+//! The instrument, everything that compiles on the host too: `no_std`, without allocation, generic over
+//! embedded-hal.
+//!
+//! ```text
+//! adc -> sampler -> app -> link
+//! ```
 #![no_std]
+
+pub mod adc;

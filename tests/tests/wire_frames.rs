@@ -1,7 +1,7 @@
 //! Framing: what is packed comes back, what is damaged is named, and no bytes make it panic.
 
 use shared::wire::framing::{Deframer, Frame, FrameError, MAX_FRAME, Packet};
-use shared::wire::message::{Command, Event, MAX_RAW_SAMPLES, Raw, SAMPLE, pack};
+use shared::wire::message::{Command, Event, MAX_RAW_SAMPLES, Raw, SAMPLE, Segment, pack};
 use shared::wire::version::{self, Version};
 
 /// Pseudo-random bytes (Marsaglia's xorshift), the same in every run.
@@ -29,6 +29,7 @@ impl Noise {
 fn frame_of(codes: &[u8], sequence: u16) -> Frame {
     let mut frame = Frame::new();
     let raw = Raw {
+        segment: Segment::Idle,
         first_sample: u64::from(sequence),
         codes,
     };

@@ -184,30 +184,34 @@ pub struct Block {
 }
 
 /// Moments of a block, in codes. The sums are exact, so that blocks merge without any loss in the mean; the
-/// central ones are about the block's own mean.
+/// central moments divide by the count and are about the block's own mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Moments {
     /// Sum of the codes.
     pub sum: [i64; CHANNELS],
+    /// Second central moment, codes^2.
+    pub second: [f32; CHANNELS],
+    /// Third central moment, codes^3.
+    pub third: [f32; CHANNELS],
+    /// Fourth central moment, codes^4.
+    pub fourth: [f32; CHANNELS],
+    /// Central cross-moments, codes^2, of the channels 0-1, 1-2, 2-3, 3-0, 0-2, 1-3.
+    pub cross: [f32; 6],
     /// Smallest code.
     pub minimum: [i32; CHANNELS],
     /// Largest code.
     pub maximum: [i32; CHANNELS],
-    /// Sum of the squared deviations from the mean.
-    pub second: [f32; CHANNELS],
-    /// Sum of their cubes.
-    pub third: [f32; CHANNELS],
-    /// Sum of their fourth powers.
-    pub fourth: [f32; CHANNELS],
-    /// Sums of products of deviations: channels 0-1, 0-2, 0-3, 1-2, 1-3, 2-3.
-    pub cross: [f32; 6],
-    /// Sum of the magnitudes of the codes.
-    pub absolute: [u64; CHANNELS],
+    /// The codes of zero specific force.
+    pub zero: [i32; CHANNELS],
+    /// Sum of the codes' distances from [`Self::zero`].
+    pub modulus: [u64; CHANNELS],
 }
 
 /// Consecutive samples as the converter gave them; none is missing inside.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Raw<'a> {
+    /// What the samples belong to.
+    pub segment: Segment,
     /// Index of the first sample.
     pub first_sample: u64,
     /// [`SAMPLE`] bytes a sample: the four channels' codes, each 3 bytes little-endian in offset binary
@@ -285,11 +289,17 @@ pub enum Fault {
     /// The bus or a pin reported an error.
     Bus,
     /// No DRDY edge came in time.
-    DrdyTimeout,
+    DrdyTimeout {
+        /// How long it was waited for.
+        waited_us: u32,
+    },
     /// The checksum of a frame from the converter is wrong.
-    Checksum,
-    /// The converter says that the checksum of a frame to it was wrong.
-    InputChecksum,
+    Checksum {
+        /// As sent by the converter.
+        sent: u16,
+        /// As computed from what arrived.
+        computed: u16,
+    },
     /// The device identification is not that of the converter.
     Identification {
         /// The register ID as read.
@@ -304,23 +314,24 @@ pub enum Fault {
         /// What was read.
         read: u16,
     },
-    /// The converter was reset and did not say so by its response.
-    ResetResponse {
+    /// A command to the converter was not acknowledged.
+    Acknowledge {
+        /// The response that it asks for.
+        expected: u16,
         /// The response as read.
         read: u16,
     },
-    /// The converter was reset by something else than this firmware.
-    ConverterReset,
-    /// The converter's registers changed by themselves.
-    RegisterMap,
-    /// The converter lost its synchronisation.
-    Resynchronised,
+    /// The status word names a trouble: reset, input checksum, register map, synchronisation, lock, word length.
+    Status {
+        /// The status word.
+        read: u16,
+    },
     /// Conversions were not read in time.
     Overrun {
         /// How many.
         lost: u32,
     },
-    /// DRDY fell but the converter had no new data.
+    /// DRDY is low but there is no new conversion.
     NoData,
 }
 

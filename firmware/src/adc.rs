@@ -1,0 +1,341 @@
+//! Driver of the Texas Instruments ADS131M04: four simultaneous 24-bit channels, SPI mode 1, DRDY.
+//!
+//! [`registers`], [`frame`] and [`count`] are plain encoding and counting; [`Ads131m04`] is the transaction layer over embedded-hal.
+//! The facts are from the data sheet SBAS890 (and SBAS950 of the eight-channel sibling, where it says more).
+//!
+//! **Losing nothing unnoticed.** Each conversion has an index, counted from the DRDY edges that a timer counts
+//! in hardware ([`count`]), not from what the software saw. The converter keeps two conversions: when one was
+//! not read in time, the next frame brings the older one. The driver then reads both and throws them away, since
+//! after a gap it cannot be known which conversions they are, and says how many were lost.
+
+pub mod count;
+pub mod frame;
+pub mod registers;
+
+use embassy_futures::select::{Either, select};
+use embedded_hal::digital::{Error as _, ErrorKind as PinError, OutputPin};
+use embedded_hal::spi::{Error as _, ErrorKind as SpiError};
+use embedded_hal_async::delay::DelayNs;
+use embedded_hal_async::digital::Wait;
+use embedded_hal_async::spi::SpiDevice;
+
+use count::{ConversionCount, Timers};
+use frame::{Command, FRAME, RESET_RESPONSE, Response};
+use registers::{Config, ID, Register, Status};
+
+/// What the converter or the way to it does wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Error {
+    /// The bus reported an error.
+    Spi(SpiError),
+    /// A pin reported an error.
+    Pin(PinError),
+    /// DRDY did not fall in time.
+    DrdyTimeout {
+        /// How long it was waited for.
+        waited_us: u32,
+    },
+    /// A frame from the converter has a wrong checksum.
+    Checksum(frame::ChecksumError),
+    /// Not an ADS131M04.
+    Identification {
+        /// Register ID as read.
+        read: u16,
+    },
+    /// A register does not hold what was written.
+    Register {
+        /// Which.
+        register: Register,
+        /// What was written.
+        written: u16,
+        /// What was read.
+        read: u16,
+    },
+    /// A command was not acknowledged.
+    Acknowledge {
+        /// The response that it asks for.
+        expected: u16,
+        /// The response as read.
+        read: u16,
+    },
+    /// The status word names a trouble; the converter needs to be set up anew.
+    Status(Status),
+    /// Conversions were not read in time.
+    Overrun {
+        /// How many.
+        lost: u32,
+    },
+    /// DRDY is low but there is no new conversion.
+    NoData,
+}
+
+impl Error {
+    /// True when the converter must be set up anew; false when only conversions are lost.
+    pub const fn needs_initialise(self) -> bool {
+        match self {
+            Self::Spi(_) | Self::Checksum(_) | Self::Overrun { .. } | Self::NoData => false,
+            Self::Status(status) => !status.is_sound_but_for(Status::INPUT_CHECKSUM),
+            _ => true,
+        }
+    }
+}
+
+/// How to reset the converter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reset {
+    /// By the pin SYNC/RESET, held low for 2048 cycles of the converter's clock.
+    Pin,
+    /// By the command, for a board that does not connect the pin.
+    Command,
+}
+
+/// One instant of four channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Conversion {
+    /// Conversions before this one since the first [`Ads131m04::initialise`], read or not.
+    pub index: u64,
+    /// When it was read, on the clock of [`Timers`].
+    pub time_us: u64,
+    /// Codes of the four channels, 24 bits with sign.
+    pub codes: [i32; 4],
+}
+
+/// Conversions thrown away after set-up: the two that wait in the converter, three until the sinc3 filter holds
+/// nothing from before, and as many more as the first check of the register map takes at 32 kSPS.
+const SETTLING: usize = 10;
+
+/// How many conversion periods DRDY may stay away.
+const PATIENCE: u32 = 4;
+
+/// Time from reset to the first frame, over the 5 microseconds of t_REGACQ.
+const REGISTERS_READY_US: u32 = 10;
+
+/// The converter on its bus.
+pub struct Ads131m04<SPI, DRDY, RESET, DELAY, TIMERS> {
+    spi: SPI,
+    drdy: DRDY,
+    reset: RESET,
+    delay: DELAY,
+    timers: TIMERS,
+    config: Config,
+    count: ConversionCount,
+    /// The last frame failed, so that the converter may still hold its conversion.
+    behind: bool,
+}
+
+impl<SPI, DRDY, RESET, DELAY, TIMERS> Ads131m04<SPI, DRDY, RESET, DELAY, TIMERS>
+where
+    SPI: SpiDevice,
+    DRDY: Wait,
+    RESET: OutputPin,
+    DELAY: DelayNs,
+    TIMERS: Timers,
+{
+    /// On its bus, not yet set up. `reset` is the pin SYNC/RESET, active low.
+    pub fn new(
+        spi: SPI,
+        drdy: DRDY,
+        reset: RESET,
+        delay: DELAY,
+        timers: TIMERS,
+        config: Config,
+    ) -> Self {
+        Self {
+            spi,
+            drdy,
+            reset,
+            delay,
+            timers,
+            config,
+            count: ConversionCount::new(&config),
+            behind: false,
+        }
+    }
+
+    /// How it is set.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Resets the converter, checks who it is, writes every setting and reads it back, locks it, and waits until
+    /// its filter has settled. Conversions that this costs count as lost, except the first time.
+    ///
+    /// # Errors
+    /// Any but [`Error::Overrun`]; the converter is then not to be used.
+    pub async fn initialise(&mut self, how: Reset) -> Result<(), Error> {
+        self.count.doubt();
+        match how {
+            Reset::Pin => {
+                self.reset.set_low().map_err(|e| Error::Pin(e.kind()))?;
+                // 2048 cycles and a quarter more.
+                let low_us = 2560 * 1_000_000u64 / u64::from(self.config.clock_hz.max(1));
+                self.delay.delay_us(low_us as u32).await;
+                self.reset.set_high().map_err(|e| Error::Pin(e.kind()))?;
+            }
+            Reset::Command => {
+                // What these answer depends on the state before.
+                self.transfer(Command::Unlock).await?;
+                self.transfer(Command::Reset).await?;
+            }
+        }
+        self.delay.delay_us(REGISTERS_READY_US).await;
+        self.expect(Command::Null, RESET_RESPONSE).await?;
+
+        self.exchange(Command::Read(Register::Id)).await?;
+        let read = self.exchange(Command::Null).await?.word;
+        if read & 0xFF00 != ID {
+            return Err(Error::Identification { read });
+        }
+        for (register, written) in self.config.settings() {
+            let write = Command::Write(register, written);
+            self.exchange(write).await?;
+            self.expect_response_of(write, Command::Read(register))
+                .await?;
+            let read = self.exchange(Command::Null).await?.word;
+            if read != written {
+                return Err(Error::Register {
+                    register,
+                    written,
+                    read,
+                });
+            }
+        }
+        self.exchange(Command::Lock).await?;
+        self.expect_response_of(Command::Lock, Command::Null)
+            .await?;
+        self.settle().await
+    }
+
+    /// Reads away what is older than the set-up.
+    async fn settle(&mut self) -> Result<(), Error> {
+        self.wait().await?;
+        self.exchange(Command::Null).await?;
+        let mut status = self.exchange(Command::Null).await?.status();
+        for _ in 2..SETTLING {
+            self.wait().await?;
+            status = self.exchange(Command::Null).await?.status();
+        }
+        if !status.is_sound_but_for(0) {
+            return Err(Error::Status(status));
+        }
+        self.behind = false;
+        self.count
+            .begin(self.timers.drdy_edges(), self.timers.now_us());
+        Ok(())
+    }
+
+    /// Waits for the next conversion and reads it.
+    ///
+    /// # Errors
+    /// Any. Conversions that an error costs are missing from the indices of those that follow. Where
+    /// [`Error::needs_initialise`], call [`Self::initialise`] before the next call.
+    pub async fn next(&mut self) -> Result<Conversion, Error> {
+        loop {
+            if let Err(error) = self.wait().await {
+                self.count.doubt();
+                return Err(error);
+            }
+            let (edges, now_us) = (self.timers.drdy_edges(), self.timers.now_us());
+            match self.count.account(edges, now_us) {
+                0 => self.clear(now_us).await?,
+                1 => return self.read(now_us).await,
+                mut lost => {
+                    self.exchange(Command::Null).await?;
+                    self.exchange(Command::Null).await?;
+                    let (edges, now_us) = (self.timers.drdy_edges(), self.timers.now_us());
+                    lost = lost.saturating_add(self.count.account(edges, now_us));
+                    self.behind = false;
+                    return Err(Error::Overrun { lost });
+                }
+            }
+        }
+    }
+
+    /// DRDY is low without an edge. The edge was accounted for when it came while older conversions were thrown
+    /// away: then this one is too. Otherwise the pin is stuck; the pause keeps it from taking all the time.
+    async fn clear(&mut self, now_us: u64) -> Result<(), Error> {
+        if self.exchange(Command::Null).await?.status().has_data() {
+            return Ok(());
+        }
+        self.delay.delay_us(self.count.period_us() / 2).await;
+        let waited_us = PATIENCE * self.count.period_us();
+        if self.count.elapsed_us(now_us) < u64::from(waited_us) {
+            return Err(Error::NoData);
+        }
+        self.count.doubt();
+        Err(Error::DrdyTimeout { waited_us })
+    }
+
+    /// Reads the one conversion that the last edge announced.
+    async fn read(&mut self, time_us: u64) -> Result<Conversion, Error> {
+        let behind = core::mem::replace(&mut self.behind, true);
+        let mut response = self.exchange_frame(&frame::NULL).await?;
+        let status = response.status();
+        if !status.is_sound_but_for(0) {
+            return Err(Error::Status(status));
+        }
+        if !status.has_data() {
+            return Err(Error::NoData);
+        }
+        if behind {
+            // The first may have been the conversion whose frame failed; then there is a second one.
+            let second = self.exchange_frame(&frame::NULL).await?;
+            if second.status().has_data() {
+                response = second;
+            }
+        }
+        self.behind = false;
+        Ok(Conversion {
+            index: self.count.index().saturating_sub(1),
+            time_us,
+            codes: response.codes,
+        })
+    }
+
+    /// Waits until DRDY is low: it stays low until a conversion is read, so that none is missed by being late.
+    async fn wait(&mut self) -> Result<(), Error> {
+        let waited_us = PATIENCE * self.count.period_us();
+        match select(self.drdy.wait_for_low(), self.delay.delay_us(waited_us)).await {
+            Either::First(Ok(())) => Ok(()),
+            Either::First(Err(error)) => Err(Error::Pin(error.kind())),
+            Either::Second(()) => Err(Error::DrdyTimeout { waited_us }),
+        }
+    }
+
+    /// Sends a command and demands an answer to the one before it.
+    async fn expect(&mut self, command: Command, expected: u16) -> Result<(), Error> {
+        let read = self.exchange(command).await?.word;
+        if read == expected {
+            Ok(())
+        } else {
+            Err(Error::Acknowledge { expected, read })
+        }
+    }
+
+    async fn expect_response_of(&mut self, before: Command, command: Command) -> Result<(), Error> {
+        match before.response() {
+            Some(expected) => self.expect(command, expected).await,
+            None => self.exchange(command).await.map(drop),
+        }
+    }
+
+    async fn exchange(&mut self, command: Command) -> Result<Response, Error> {
+        self.exchange_frame(&command.frame()).await
+    }
+
+    async fn exchange_frame(&mut self, send: &[u8; FRAME]) -> Result<Response, Error> {
+        frame::decode(&self.transfer_frame(send).await?).map_err(Error::Checksum)
+    }
+
+    async fn transfer(&mut self, command: Command) -> Result<[u8; FRAME], Error> {
+        self.transfer_frame(&command.frame()).await
+    }
+
+    async fn transfer_frame(&mut self, send: &[u8; FRAME]) -> Result<[u8; FRAME], Error> {
+        let mut receive = [0; FRAME];
+        match self.spi.transfer(&mut receive, send).await {
+            Ok(()) => Ok(receive),
+            Err(error) => Err(Error::Spi(error.kind())),
+        }
+    }
+}
