@@ -221,10 +221,10 @@ impl<T: Real> Moments<T> {
         Ok(())
     }
 
-    /// The moments that a block from the link carries; their zero codes are 0.
+    /// The moments that a block from the link carries.
     ///
     /// # Errors
-    /// [`MomentsError::Impossible`] for no samples at all, a sum or an extreme beyond 24-bit codes, a
+    /// [`MomentsError::Impossible`] for no samples at all, a sum, an extreme or a zero beyond 24-bit codes, a
     /// negative even moment, or what is not finite.
     pub fn from_block(block: &wire::message::Block) -> Result<Self, MomentsError> {
         let wire = &block.moments;
@@ -233,7 +233,8 @@ impl<T: Real> Moments<T> {
             let reach = i64::from(block.count) << 23;
             n > 0
                 && (-reach..=reach).contains(&wire.sum[k])
-                && wire.absolute[k] <= n << 24
+                && wire.modulus[k] <= n << 24
+                && code24(wire.zero[k]) == wire.zero[k]
                 && wire.minimum[k] <= wire.maximum[k]
                 && code24(wire.minimum[k]) == wire.minimum[k]
                 && code24(wire.maximum[k]) == wire.maximum[k]
@@ -251,16 +252,18 @@ impl<T: Real> Moments<T> {
                 first_sample: block.first_sample,
             });
         }
+        let whole = T::from_i64(n as i64);
+        let sum_of = |mean: f32| T::lit(f64::from(mean)) * whole;
         Ok(Self {
             count: n,
-            zero: [0; CHANNELS],
+            zero: wire.zero,
             origin: wire.sum.map(|sum| (sum / n as i64) as i32),
             sum: wire.sum,
-            central: central.map(|order| order.map(|s| T::lit(f64::from(s)))),
-            cross: wire.cross.map(|s| T::lit(f64::from(s))),
+            central: central.map(|order| order.map(sum_of)),
+            cross: wire.cross.map(sum_of),
             min: wire.minimum,
             max: wire.maximum,
-            modulus: wire.absolute,
+            modulus: wire.modulus,
         })
     }
 
@@ -269,13 +272,14 @@ impl<T: Real> Moments<T> {
         let narrow = |s: T| s.to_f64() as f32;
         wire::message::Moments {
             sum: self.sum,
+            second: self.m2().map(narrow),
+            third: self.m3().map(narrow),
+            fourth: self.m4().map(narrow),
+            cross: self.cross().map(narrow),
             minimum: self.min,
             maximum: self.max,
-            second: self.central[0].map(narrow),
-            third: self.central[1].map(narrow),
-            fourth: self.central[2].map(narrow),
-            cross: self.cross.map(narrow),
-            absolute: self.modulus,
+            zero: self.zero,
+            modulus: self.modulus,
         }
     }
 

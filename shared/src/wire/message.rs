@@ -195,7 +195,7 @@ pub struct Moments {
     pub third: [f32; CHANNELS],
     /// Fourth central moment, codes^4.
     pub fourth: [f32; CHANNELS],
-    /// Central cross-moments, codes^2, of the channels 0-1, 1-2, 2-3, 3-0, 0-2, 1-3.
+    /// Central cross-moments, codes^2, of the channels 0-1, 0-2, 0-3, 1-2, 1-3, 2-3.
     pub cross: [f32; 6],
     /// Smallest code.
     pub minimum: [i32; CHANNELS],
