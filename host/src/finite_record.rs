@@ -16,7 +16,7 @@ use shared::model::Coefficients;
 use crate::campaign::{Run, VibrationKind};
 
 /// Orders of Hermite polynomials that the kink is followed to.
-const ORDERS: usize = 14;
+pub(crate) const ORDERS: usize = 14;
 
 /// Variance (g^2) of a run's vibration error about its expectation, from the moments of its record that no reference
 /// reported; zero for a sine.
@@ -62,7 +62,7 @@ fn hermite(x: f64) -> [f64; ORDERS + 1] {
 
 /// I_n in s for noise of flat density over a band (Hz): rho(tau) = sinc(pi B tau) cos(2 pi f0 tau), by the midpoint
 /// rule over twenty of its correlation times, beyond which rho^3 is gone.
-fn correlation_integrals(band_hz: [f64; 2]) -> [f64; ORDERS + 1] {
+pub(crate) fn correlation_integrals(band_hz: [f64; 2]) -> [f64; ORDERS + 1] {
     let [low, high] = band_hz;
     let width = (high - low).max(1e-3 * high);
     let centre = 0.5 * (low + high);

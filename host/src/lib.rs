@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod campaign;
 pub mod cli;
+pub mod diagnose;
 pub mod error;
 mod finite_record;
 pub mod identification;

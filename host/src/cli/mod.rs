@@ -42,6 +42,7 @@ macro_rules! commands {
 }
 
 commands! {
+    diagnose::Diagnose,
     identify::Identify,
     paper::Paper,
     plan::Plan,

@@ -1,0 +1,28 @@
+//! `vre diagnose`
+
+use std::path::PathBuf;
+
+use super::{Command, Console};
+use crate::campaign::Campaign;
+use crate::diagnose::{diagnose, text};
+use crate::error::Error;
+
+/// Find where the gap between prediction and shaker lies, which effect causes it and how far it shrinks
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  vre diagnose campaigns/S01000 --json diagnosis.json\n  vre predict campaigns/S01000 --runs new-runs.csv --diagnosis diagnosis.json")]
+pub struct Diagnose {
+    /// Folder of the campaign
+    campaign: PathBuf,
+    /// Take an effect out of the catalogue (repeatable)
+    #[arg(long, value_name = "ID")]
+    without: Vec<String>,
+}
+
+impl Command for Diagnose {
+    fn run(self, console: &Console) -> Result<(), Error> {
+        let campaign = Campaign::read(&self.campaign)?;
+        let study = diagnose(&campaign, &self.without)?;
+        console.print(text(&study.diagnosis))?;
+        console.json(&study.diagnosis)
+    }
+}

@@ -1,0 +1,95 @@
+//! What the instrument's inner motion and its servo loop add.
+
+use super::{Action, Effect, Stage, even, linear, logarithmic};
+use crate::campaign::VibrationKind;
+use crate::diagnose::motion::band_mean;
+use crate::diagnose::problem::{Block, Situation};
+
+pub(super) const EFFECTS: &[Effect] = &[
+    // A loop whose gain falls as 1/f leaves the deflection theta = (i x)/(1 + i x) w_I, x = f/fc, and a pick-off that
+    // is not straight adds b theta^2: b m2 x^2/(1 + x^2).
+    Effect {
+        id: "loop-bandwidth",
+        stage: Stage::InstrumentDynamics,
+        says: "the servo loop cannot follow fast vibration, and the motion that is left rectifies",
+        parameters: &[linear("b_per_g", 1e-3), logarithmic("fc_hz", 30.0, 6000.0, 16)],
+        action: Action::Adds(|p, _, s, change| {
+            filtered(s, change, [0, 0], |f| {
+                let x2 = (f / p[1]).powi(2);
+                x2 / (1.0 + x2)
+            });
+        }),
+        report: None,
+    },
+    // The arm turned by theta = w_I/(1 + i f/fn) has a component along PA's force: M[theta w_P], of which only the part
+    // in phase, 1/(1 + (f/fn)^2), does not average out.
+    Effect {
+        id: "vibropendulous",
+        stage: Stage::InstrumentDynamics,
+        says: "the proof mass deflects and picks up vibration along the pendulous axis",
+        parameters: &[linear("k_per_g", 3e-4), logarithmic("fn_hz", 30.0, 6000.0, 16)],
+        action: Action::Adds(|p, _, s, change| {
+            filtered(s, change, [0, 1], |f| 1.0 / (1.0 + (f / p[1]).powi(2)));
+        }),
+        report: None,
+    },
+    // M[clip(u)] - M[u] with u = a + its nominal error, clip to [-L + c, L + c].
+    Effect {
+        id: "saturation",
+        stage: Stage::InstrumentDynamics,
+        says: "the output cannot exceed a limit and is clipped",
+        parameters: &[logarithmic("limit_g", 1.0, 14.0, 28), even("offset_g", -0.6, 0.6, 5)],
+        action: Action::Adds(saturate),
+        report: None,
+    },
+];
+
+/// Adds M[w_j w_k] as weighted by a response over frequency.
+fn filtered(s: &Situation<'_>, change: &mut crate::diagnose::problem::Change, axes: [usize; 2], response: impl Fn(f64) -> f64) {
+    for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
+        let square = motion.amplitude_g[axes[0]] * motion.amplitude_g[axes[1]];
+        let square = if run.kind == VibrationKind::Sine { 0.5 * square } else { square };
+        if square == 0.0 {
+            continue;
+        }
+        let mean = band_mean(run, &response);
+        change.add(Block::During, row, square * mean.value);
+        change.variance[row] += square * square * mean.variance;
+    }
+}
+
+fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose::problem::Change) {
+    let (low, high) = (p[1] - p[0], p[1] + p[0]);
+    let lost = |a: [f64; 3]| {
+        // The model's own error moves the edge of clipping; far from the edges it need not be known.
+        if a[0] > low + 0.2 && a[0] < high - 0.2 {
+            return 0.0;
+        }
+        let u = s.coefficients.output_g(shared::model::SpecificForce::new(a[0], a[1], a[2]));
+        u.clamp(low, high) - u
+    };
+    for (row, reading) in s.readings.iter().enumerate() {
+        let a = reading.specific_force_g;
+        change.add(Block::Static, row, lost([a.i, a.p, a.o]));
+    }
+    for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
+        let a0 = [run.specific_force_g.i, run.specific_force_g.p, run.specific_force_g.o];
+        let rest = lost(a0);
+        change.add(Block::Before, row, rest);
+        change.add(Block::After, row, rest);
+        let swing = motion.amplitude_g[0].abs();
+        let reach = if run.kind == VibrationKind::Sine { swing } else { 7.0 * swing };
+        if a0[0] - reach > low + 0.2 && a0[0] + reach < high - 0.2 {
+            continue;
+        }
+        let mean = s.averages.mean(run, motion, lost);
+        change.add(Block::During, row, mean.value);
+        change.variance[row] += mean.variance;
+        if run.kind == VibrationKind::Sine {
+            let at = |multiple: f64| lost(std::array::from_fn(|axis| a0[axis] + multiple * motion.amplitude_g[axis]));
+            let sign = motion.amplitude_g[0].signum();
+            change.add(Block::Maximum, row, at(sign));
+            change.add(Block::Minimum, row, at(-sign));
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! Temperature, time and what the instrument has been through.
+
+use super::{Action, Effect, Stage, even, linear, logarithmic, stepped};
+use crate::campaign::{Run, VibrationKind};
+use crate::diagnose::problem::{Block, Change, Situation};
+
+/// From the centre of the plateau before a run to that during it and that after it, s.
+const DURING_S: f64 = 20.0;
+const AFTER_S: f64 = 40.0;
+
+pub(super) const EFFECTS: &[Effect] = &[
+    Effect {
+        id: "thermal-bias",
+        stage: Stage::Environment,
+        says: "the bias follows the temperature",
+        parameters: &[linear("g_per_k", 1e-5)],
+        action: Action::Adds(|_, _, s, change| {
+            for (row, reading) in s.readings.iter().enumerate() {
+                change.add(Block::Static, row, reading.temp_c - s.reference_temp_c);
+            }
+            for (row, run) in s.runs.iter().enumerate() {
+                let excess_k = run.temp_c - s.reference_temp_c;
+                for block in [Block::Before, Block::During, Block::After] {
+                    change.add(block, row, excess_k);
+                }
+            }
+        }),
+        report: None,
+    },
+    Effect {
+        id: "thermal-scale",
+        stage: Stage::Environment,
+        says: "the scale factor follows the temperature",
+        parameters: &[linear("per_k", 1e-5)],
+        action: Action::Adds(|_, _, s, change| {
+            for (row, reading) in s.readings.iter().enumerate() {
+                let excess_k = reading.temp_c - s.reference_temp_c;
+                change.add(Block::Static, row, excess_k * reading.specific_force_g.i);
+            }
+            for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
+                let excess_k = run.temp_c - s.reference_temp_c;
+                let a0 = run.specific_force_g.i;
+                for block in [Block::Before, Block::During, Block::After] {
+                    change.add(block, row, excess_k * a0);
+                }
+                if run.kind == VibrationKind::Sine {
+                    let swing = motion.amplitude_g[0].abs();
+                    change.add(Block::Maximum, row, excess_k * (a0 + swing));
+                    change.add(Block::Minimum, row, excess_k * (a0 - swing));
+                }
+            }
+        }),
+        report: None,
+    },
+    Effect {
+        id: "drift",
+        stage: Stage::Environment,
+        says: "the bias drifts with time",
+        parameters: &[linear("g_per_s", 5e-9)],
+        action: Action::Adds(|_, _, s, change| {
+            for (row, reading) in s.readings.iter().enumerate() {
+                change.add(Block::Static, row, reading.time_s);
+            }
+            for (row, run) in s.runs.iter().enumerate() {
+                change.add(Block::Before, row, run.time_s);
+                change.add(Block::During, row, run.time_s + DURING_S);
+                change.add(Block::After, row, run.time_s + AFTER_S);
+                change.add(Block::Drift, row, 1.0);
+            }
+        }),
+        report: None,
+    },
+    // tau x' = c P - x: a run of power P and length T, begun at s, has warmed the instrument by
+    // c P (1 - exp(-(t - s)/tau)) at t and by c P (1 - exp(-T/tau)) exp(-(t - s - T)/tau) after it.
+    Effect {
+        id: "self-heating",
+        stage: Stage::Environment,
+        says: "vibration warms the instrument, which shifts its bias for a while",
+        parameters: &[linear("c_per_g", 2e-5), logarithmic("tau_s", 0.5, 300.0, 14)],
+        action: Action::Adds(self_heating),
+        report: None,
+    },
+    Effect {
+        id: "bias-memory",
+        stage: Stage::Environment,
+        says: "strong runs leave a lasting step in the bias",
+        parameters: &[
+            linear("step_g", 1e-5),
+            // By which factor each step is smaller than the one before it.
+            even("_memory", 0.4, 1.05, 4),
+            stepped("threshold_g", 0.2, 8.0, 40),
+        ],
+        action: Action::Adds(bias_memory),
+        report: None,
+    },
+];
+
+fn power_g2(run: &Run) -> f64 {
+    let square = run.level_g * run.level_g;
+    if run.kind == VibrationKind::Sine { 0.5 * square } else { square }
+}
+
+fn self_heating(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
+    let tau = p[1];
+    // Mean of exp(-t/tau) over a plateau of a given length centred at t.
+    let decay = |t: f64, length: f64| {
+        let x = 0.5 * length / tau;
+        (-t / tau).exp() * if x > 1e-4 { x.sinh() / x } else { 1.0 }
+    };
+    let mut warmth = 0.0; // at the end of the last run
+    let mut end_s = f64::NEG_INFINITY;
+    for (row, run) in s.runs.iter().enumerate() {
+        let length = run.duration_s;
+        let left = |t: f64| if warmth == 0.0 { 0.0 } else { warmth * decay(t - end_s, length) };
+        let during_s = run.time_s + DURING_S;
+        change.add(Block::Before, row, left(run.time_s));
+        let full = power_g2(run);
+        let risen = full * -(-length / tau).exp_m1();
+        let mean = full - risen * tau / length;
+        change.add(Block::During, row, left(during_s) + mean);
+        let start_s = during_s - 0.5 * length;
+        let (old_start, old_end) = (left_at(warmth, start_s - end_s, tau), left_at(warmth, start_s + length - end_s, tau));
+        change.add(Block::Drift, row, (risen + old_end - old_start) / length);
+        warmth = risen + old_end;
+        end_s = start_s + length;
+        change.add(Block::After, row, warmth * decay(run.time_s + AFTER_S - end_s, length));
+    }
+}
+
+fn left_at(warmth: f64, after_s: f64, tau_s: f64) -> f64 {
+    if warmth == 0.0 { 0.0 } else { warmth * (-after_s / tau_s).exp() }
+}
+
+fn bias_memory(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
+    let (mut level, mut step) = (0.0, 1.0);
+    for (row, (run, peak_g)) in s.runs.iter().zip(&s.peaks_g).enumerate() {
+        change.add(Block::Before, row, level);
+        let added = if *peak_g > p[2] { step } else { 0.0 };
+        change.add(Block::During, row, level + 0.5 * added);
+        change.add(Block::Drift, row, added / run.duration_s);
+        level += added;
+        change.add(Block::After, row, level);
+        if added > 0.0 {
+            step *= p[1];
+        }
+    }
+}

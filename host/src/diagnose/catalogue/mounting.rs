@@ -1,0 +1,36 @@
+//! Between the shaker's table and the instrument.
+
+use super::{Action, Effect, Seen, Stage, logarithmic};
+use crate::campaign::{Run, VibrationKind};
+use crate::diagnose::motion::{Motion, band_mean};
+use crate::diagnose::problem::Situation;
+
+pub(super) const EFFECTS: &[Effect] = &[
+    // m x'' = k (y - x) + c (y' - x'): H = (1 + i r/Q)/(1 - r^2 + i r/Q), r = f/fn.
+    Effect {
+        id: "fixture-resonance",
+        stage: Stage::Mounting,
+        says: "the fixture resonates: the instrument moves more than the table",
+        parameters: &[logarithmic("fn_hz", 150.0, 12_000.0, 32), logarithmic("q", 1.5, 80.0, 5)],
+        action: Action::Moves(resonate, Seen::ByInstrumentAlone),
+        report: None,
+    },
+];
+
+fn resonate(p: &[f64], run: &Run, _: &Situation<'_>, motion: &mut Motion) {
+    let power = |f: f64| {
+        let r = f / p[0];
+        let damping = (r / p[1]).powi(2);
+        (1.0 + damping) / ((1.0 - r * r).powi(2) + damping)
+    };
+    let mean = band_mean(run, power);
+    motion.scale(mean.value.sqrt());
+    if run.kind == VibrationKind::Random {
+        motion.power_variance += mean.variance / mean.value.powi(2);
+        // What is left of the record's own shape: its correlation with the filtered record, to the moment's order.
+        let amplitude = band_mean(run, |f| power(f).sqrt()).value;
+        let correlation = (amplitude * amplitude / mean.value).min(1.0).sqrt();
+        motion.shape[0] *= correlation.powi(3);
+        motion.shape[1] = 3.0 + (motion.shape[1] - 3.0) * correlation.powi(4);
+    }
+}

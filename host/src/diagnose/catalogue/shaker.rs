@@ -1,0 +1,91 @@
+//! The shaker's table, its drive and its reference.
+
+use super::{Action, Effect, Seen, Stage, even, linear};
+use crate::campaign::VibrationKind;
+use crate::diagnose::motion::{band_mean, main_axis};
+use crate::diagnose::problem::Block;
+
+pub(super) const EFFECTS: &[Effect] = &[
+    // The axis of the drive is the one of its largest component; the other two follow it in the order IA, PA, OA, IA.
+    Effect {
+        id: "shaker-transverse",
+        stage: Stage::Shaker,
+        says: "the table moves across its drive as well",
+        parameters: &[even("ratio_next", -0.4, 0.4, 5), even("ratio_previous", -0.4, 0.4, 5)],
+        action: Action::Moves(
+            |p, run, _, motion| {
+                let main = main_axis(&run.direction);
+                motion.amplitude_g[(main + 1) % 3] += p[0] * run.level_g;
+                motion.amplitude_g[(main + 2) % 3] += p[1] * run.level_g;
+            },
+            Seen::ByReference,
+        ),
+        report: None,
+    },
+    // A sin x + h2 A (sin^2 x ...) lifts the positive peak: A (sin x - h2 cos 2x). A random record's moments are those
+    // that the reference saw; so is the power that the harmonic adds.
+    Effect {
+        id: "shaker-distortion",
+        stage: Stage::Shaker,
+        says: "the drive is distorted: not a pure sine, not symmetric noise",
+        parameters: &[even("h2", -0.2, 0.2, 5)],
+        action: Action::Moves(
+            |p, run, s, motion| {
+                if run.kind == VibrationKind::Sine {
+                    motion.second_harmonic = p[0];
+                    // The power that the waveform gains by itself, 1 + h2^2, against what was seen.
+                    motion.scale(((1.0 + s.power_excess[0]) / (1.0 + p[0] * p[0])).sqrt());
+                } else {
+                    motion.scale((1.0 + s.power_excess[1]).sqrt());
+                }
+            },
+            Seen::ByReference,
+        ),
+        report: None,
+    },
+    // The table swings about a point some way off with a rate in proportion to its velocity, w/(2 pi f); the
+    // centripetal term is of one sign.
+    Effect {
+        id: "shaker-rocking",
+        stage: Stage::Shaker,
+        says: "the table rocks, and the centripetal acceleration of that does not average out",
+        parameters: &[linear("r_per_g_hz2", 0.1)],
+        action: Action::Adds(|_, _, s, change| {
+            for (row, run) in s.runs.iter().enumerate() {
+                let power = power_g2(run);
+                let mean = band_mean(run, |f| 1.0 / (f * f));
+                change.add(Block::During, row, power * mean.value);
+                change.variance[row] += power * power * mean.variance;
+            }
+        }),
+        report: None,
+    },
+    Effect {
+        id: "reference-scale",
+        stage: Stage::Shaker,
+        says: "the vibration is larger or smaller than command and reference say",
+        parameters: &[even("eps", -0.15, 0.15, 3)],
+        action: Action::Moves(|p, _, _, motion| motion.scale(1.0 + p[0]), Seen::ByInstrumentAlone),
+        report: None,
+    },
+    Effect {
+        id: "magnetic-pickup",
+        stage: Stage::Shaker,
+        says: "the shaker's magnetic field shifts the output in proportion to the drive",
+        parameters: &[linear("c_g_per_g", 3e-5)],
+        action: Action::Adds(|_, _, s, change| {
+            for (row, run) in s.runs.iter().enumerate() {
+                change.add(Block::During, row, power_g2(run).sqrt());
+            }
+        }),
+        report: None,
+    },
+];
+
+/// Mean square of the commanded motion, all axes together, g^2.
+fn power_g2(run: &crate::campaign::Run) -> f64 {
+    match run.kind {
+        VibrationKind::Sine => 0.5 * run.level_g * run.level_g,
+        VibrationKind::Random => run.level_g * run.level_g,
+    }
+}

@@ -1,0 +1,447 @@
+//! The answer, `vre-diagnosis/1`.
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use shared::model::NOMINAL;
+
+use super::catalogue::{self, Effect, Role, Stage};
+use super::fit::{Fit, Member};
+use super::locate::{Condition, ObservableShare};
+use super::next_test::NextTest;
+use super::problem::{Block, Problem};
+use super::search::{Hypothesis, Search};
+use super::shrink::Shrink;
+use crate::campaign::Campaign;
+use crate::error::Error;
+
+/// Odds against the best hypothesis at which another one no longer stands.
+const STANDING_ODDS: f64 = 20.0;
+/// Most effects, or sets of effects, in a class beside its most probable member.
+const CLASS: usize = 2;
+/// Hypotheses less probable than this are not listed.
+const LISTED: f64 = 1e-3;
+/// What an unexplained gap leaves of the probability of hypotheses that do not explain it.
+const UNEXPLAINED_REST: f64 = 0.1;
+
+/// In a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Nothing beyond the stated uncertainty.
+    NoGap,
+    /// One hypothesis holds.
+    Explained,
+    /// One class of hypotheses that these data do not split holds.
+    Ambiguous,
+    /// There is a gap and nothing in the catalogue explains it.
+    Unexplained,
+}
+
+/// Size of the gap.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Root mean square over all observations in units of their stated uncertainty; about 1 without a gap.
+    pub rms_over_noise: f64,
+    /// Probability of so large a misfit of the nominal model by chance.
+    pub p_value: f64,
+}
+
+/// Where it lies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Where {
+    /// By observable.
+    pub observables: Vec<ObservableShare>,
+    /// By link of the chain, from the hypotheses.
+    pub stages: Vec<StageProbability>,
+    /// Regions of conditions that hold it.
+    pub conditions: Vec<Condition>,
+}
+
+/// Probability that an effect of a stage acts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageProbability {
+    /// Link of the chain.
+    pub stage: Stage,
+    /// Sum of the probabilities of its hypotheses.
+    pub probability: f64,
+}
+
+/// One hypothesis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Which {
+    /// Effects that act; none is the nominal model.
+    pub effects: Vec<String>,
+    /// Its probability.
+    pub probability: f64,
+    /// Their parameters.
+    pub parameters: Vec<ParameterEstimate>,
+    /// What else these data cannot tell from it: effects, or sets of effects joined by `+`.
+    pub indistinguishable_from: Vec<String>,
+    /// Parameters as the catalogue has them, effect by effect: where a new fit starts.
+    #[serde(default)]
+    pub fitted: Vec<Vec<f64>>,
+}
+
+/// A parameter with its standard uncertainty.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParameterEstimate {
+    /// Effect that it belongs to.
+    #[serde(default)]
+    pub effect: String,
+    /// Name with its unit.
+    pub name: String,
+    /// Estimate.
+    pub value: f64,
+    /// Standard uncertainty.
+    pub sigma: f64,
+}
+
+/// A cause of a bad static prediction that is no effect.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IdentificationCause {
+    /// `plan-blindness` or `dial-noise`.
+    pub cause: String,
+    /// Share of the static prediction's squared error beyond the noise that it explains.
+    pub share: f64,
+}
+
+/// Likeness of the hypotheses' signatures beyond what the nominal model can imitate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Similarity {
+    /// Hypotheses, effects joined by `+`.
+    pub hypotheses: Vec<String>,
+    /// Correlations, -1 to 1.
+    pub correlation: Vec<Vec<f64>>,
+}
+
+/// `vre-diagnosis/1`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// Always `vre-diagnosis/1`.
+    pub format: String,
+    /// Serial number of the instrument.
+    pub serial: String,
+    /// In a word.
+    pub verdict: Verdict,
+    /// How large.
+    pub gap: Gap,
+    /// Where.
+    #[serde(rename = "where")]
+    pub location: Where,
+    /// Which effects, most probable first.
+    pub which: Vec<Which>,
+    /// How far it shrinks; absent without runs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shrink: Option<Shrink>,
+    /// What to measure next.
+    pub next_tests: Vec<NextTest>,
+    /// Why the static prediction is off, if it is, without an effect.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identification: Option<IdentificationCause>,
+    /// Which hypotheses look alike.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub similarity: Option<Similarity>,
+    /// What could not be looked at, and why.
+    #[serde(default)]
+    pub not_looked_at: Vec<String>,
+}
+
+const FORMAT: &str = "vre-diagnosis/1";
+
+impl Diagnosis {
+    /// Reads a diagnosis that `vre diagnose --json` wrote.
+    ///
+    /// # Errors
+    /// Unreadable, not JSON of that format, or an effect that the catalogue does not hold.
+    pub fn read(file: &Path) -> Result<Self, Error> {
+        let text = fs::read_to_string(file).map_err(Error::read(file))?;
+        let diagnosis: Self =
+            serde_json::from_str(&text).map_err(|error| Error::input(file, error.to_string().replace('\n', " ")))?;
+        if diagnosis.format != FORMAT {
+            return Err(Error::input(file, format!("its format is \"{}\", not \"{FORMAT}\"", diagnosis.format)));
+        }
+        for id in diagnosis.which.iter().flat_map(|which| &which.effects) {
+            if catalogue::find(id).is_none() {
+                return Err(Error::input(file, format!("\"{id}\" is no effect of the catalogue")));
+            }
+        }
+        Ok(diagnosis)
+    }
+
+    /// The most probable effects with their parameters, as far as adding them makes predictions better.
+    pub fn members(&self) -> Vec<Member> {
+        let helps = self.shrink.is_none_or(|shrink| shrink.closed_fraction > 0.0);
+        let best = self.which.first().filter(|_| helps);
+        let effects = best.into_iter().flat_map(|which| which.effects.iter().zip(&which.fitted));
+        effects
+            .filter_map(|(id, values)| {
+                let effect = catalogue::find(id)?;
+                (values.len() == effect.parameters.len()).then(|| Member { effect, values: values.clone() })
+            })
+            .collect()
+    }
+}
+
+/// A diagnosis with what pictures of it need.
+pub struct Study<'c> {
+    /// The answer.
+    pub diagnosis: Diagnosis,
+    /// The whitened observations.
+    pub problem: Problem<'c>,
+    /// All hypotheses with their fits.
+    pub search: Search,
+}
+
+/// Diagnoses a campaign with the effects of the catalogue but those `without`.
+///
+/// # Errors
+/// An unknown identifier in `without`, or a campaign that determines nothing.
+pub fn diagnose<'c>(campaign: &'c Campaign, without: &[String]) -> Result<Study<'c>, Error> {
+    if let Some(unknown) = without.iter().find(|id| catalogue::find(id).is_none()) {
+        let known: Vec<&str> = catalogue::catalogue().map(|effect| effect.id).collect();
+        return Err(Error::Usage(format!("--without {unknown}: no effect of the catalogue ({})", known.join(", "))));
+    }
+    let effects: Vec<&'static Effect> =
+        catalogue::catalogue().filter(|effect| !without.iter().any(|id| id == effect.id)).collect();
+    let mut problem = Problem::new(campaign, &[]);
+    let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
+    let search = problem.search(&effects).ok_or_else(undetermined)?;
+    let diagnosis = conclude(campaign, &problem, &search);
+    Ok(Study { diagnosis, problem, search })
+}
+
+fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diagnosis {
+    let best = &search.hypotheses[0];
+    let null_probability = search.hypotheses.iter().find(|h| h.fit.members.is_empty()).map_or(0.0, |h| h.probability);
+    let nothing = best.fit.members.is_empty() || best.probability < STANDING_ODDS * null_probability;
+    let verdict = match (search.unexplained, nothing) {
+        (true, _) => Verdict::Unexplained,
+        (false, true) => Verdict::NoGap,
+        (false, false) => match standing(search).len() {
+            1 => Verdict::Explained,
+            _ => Verdict::Ambiguous,
+        },
+    };
+    let mut ranked: Vec<&Hypothesis> = search.hypotheses.iter().collect();
+    if verdict == Verdict::NoGap {
+        ranked.sort_by_key(|h| !h.fit.members.is_empty());
+    }
+    let rest = if verdict == Verdict::Unexplained { UNEXPLAINED_REST } else { 1.0 };
+    let class: Vec<String> = match verdict {
+        Verdict::Ambiguous => standing(search)[1..].iter().take(CLASS).map(|h| name(&h.fit)).collect(),
+        _ => Vec::new(),
+    };
+    let which = ranked.iter().enumerate().filter(|(k, h)| *k == 0 || h.probability >= LISTED).map(|(k, h)| Which {
+        effects: h.fit.members.iter().map(|m| m.effect.id.into()).collect(),
+        probability: h.probability * rest,
+        parameters: parameters(problem, &h.fit),
+        indistinguishable_from: if k == 0 { class.clone() } else { Vec::new() },
+        fitted: h.fit.members.iter().map(|m| m.values.clone()).collect(),
+    });
+    let which: Vec<Which> = which.take(8).collect();
+    let shown = ranked[0];
+    let (observables, conditions) = problem.locate(&shown.fit);
+    let stages = Stage::ALL.iter().map(|&stage| {
+        let of_stage = |h: &&Hypothesis| h.fit.members.iter().any(|m| m.effect.stage == stage);
+        let probability: f64 = search.hypotheses.iter().filter(of_stage).map(|h| h.probability).sum();
+        StageProbability { stage, probability: probability * rest }
+    });
+    let observed: usize = super::adequacy::OBSERVABLES.iter().map(|(b, _)| problem.observed_rows(*b).count()).sum();
+    let chi2: f64 = search.null_adequacy.observables.iter().map(|o| o.0).sum();
+    let freedom: f64 = search.null_adequacy.observables.iter().map(|o| o.1).sum();
+    let shrink = problem.shrink(&search.null, &shown.fit);
+    Diagnosis {
+        format: FORMAT.into(),
+        serial: campaign.config.instrument.serial.clone(),
+        verdict,
+        gap: Gap {
+            rms_over_noise: if observed > 0 { (chi2 / freedom.max(1.0)).sqrt() } else { 0.0 },
+            p_value: search.null_adequacy.p_value,
+        },
+        location: Where { observables, stages: stages.collect(), conditions },
+        which,
+        shrink,
+        next_tests: problem.next_tests(campaign, search, verdict),
+        identification: if verdict == Verdict::NoGap { shrink.and_then(|s| identification(problem, s)) } else { None },
+        similarity: similarity(problem, search),
+        not_looked_at: not_looked_at(campaign),
+    }
+}
+
+/// Hypotheses that the data leave standing, best first.
+pub fn standing(search: &Search) -> Vec<&Hypothesis> {
+    let best = search.hypotheses[0].probability;
+    let stands = |h: &&Hypothesis| h.probability * STANDING_ODDS > best && !h.fit.members.is_empty();
+    search.hypotheses.iter().filter(stands).collect()
+}
+
+/// Effects of a fit joined by `+`.
+pub fn name(fit: &Fit) -> String {
+    let names: Vec<&str> = fit.members.iter().map(|m| m.effect.id).collect();
+    if names.is_empty() { "none".into() } else { names.join("+") }
+}
+
+/// What of a fit's parameters is reported.
+fn parameters(problem: &Problem<'_>, fit: &Fit) -> Vec<ParameterEstimate> {
+    let n = fit.columns.len();
+    let mut estimates = Vec::new();
+    for (m, Member { effect, values }) in fit.members.iter().enumerate() {
+        let index = |k: usize| Some(NOMINAL + fit.unknowns.iter().position(|&u| u == (m, k))?);
+        // Derivative of a value by its unknown, which may be the value's logarithm.
+        let slope = |k: usize| match effect.parameters[k].role {
+            Role::Curved { logarithmic: true, .. } => values[k],
+            _ => 1.0,
+        };
+        let covariance = |i: usize, j: usize| match (index(i), index(j)) {
+            (Some(a), Some(b)) => fit.covariance[a * n + b] * slope(i) * slope(j),
+            _ => 0.0,
+        };
+        let mut put = |name: &str, value: f64, sigma: f64| {
+            estimates.push(ParameterEstimate { effect: effect.id.into(), name: name.into(), value, sigma });
+        };
+        if let Some((names, report)) = effect.report {
+            let reported = report(values);
+            let gradients: Vec<Vec<f64>> = (0..values.len())
+                .map(|k| {
+                    let mut moved = values.clone();
+                    let step = 1e-6 * values[k].abs().max(1e-9);
+                    moved[k] += step;
+                    report(&moved).iter().zip(&reported).map(|(a, b)| (a - b) / step).collect()
+                })
+                .collect();
+            for (r, (name, value)) in names.iter().zip(&reported).enumerate() {
+                let mut variance = 0.0;
+                for i in 0..values.len() {
+                    for j in 0..values.len() {
+                        variance += gradients[i][r] * gradients[j][r] * covariance(i, j);
+                    }
+                }
+                put(name, *value, variance.max(0.0).sqrt());
+            }
+            continue;
+        }
+        for (k, parameter) in effect.parameters.iter().enumerate().filter(|(_, p)| !p.name.starts_with('_')) {
+            match parameter.role {
+                Role::Stepped { .. } => {
+                    let (value, sigma) = problem.stepped(fit, m, k);
+                    put(parameter.name, value, sigma);
+                }
+                _ if index(k).is_none() => {
+                    let (value, sigma) = problem.scattered(fit, m);
+                    put(parameter.name, value, sigma);
+                }
+                _ => put(parameter.name, values[k], covariance(k, k).max(0.0).sqrt()),
+            }
+        }
+    }
+    estimates
+}
+
+fn similarity(problem: &Problem<'_>, search: &Search) -> Option<Similarity> {
+    let shown: Vec<&Hypothesis> = search.hypotheses.iter().filter(|h| !h.fit.members.is_empty()).take(8).collect();
+    if shown.is_empty() {
+        return None;
+    }
+    let signatures: Vec<_> = shown.iter().map(|h| problem.signature(&h.fit)).collect();
+    let references: Vec<_> = signatures.iter().collect();
+    Some(Similarity {
+        hypotheses: shown.iter().map(|h| name(&h.fit)).collect(),
+        correlation: problem.similarity(&search.null, &references),
+    })
+}
+
+/// Why the static prediction misses though nothing acts.
+fn identification(problem: &Problem<'_>, shrink: Shrink) -> Option<IdentificationCause> {
+    let [statics, refit, floor] =
+        [shrink.held_out_rms_static_only_g, shrink.held_out_rms_refit_g, shrink.noise_floor_rms_g].map(|rms| rms * rms);
+    if statics < 2.0 * refit.max(floor) {
+        return None;
+    }
+    let cause = if problem.static_plan_is_blind() { "plan-blindness" } else { "dial-noise" };
+    let share = ((statics - refit) / (statics - floor)).clamp(0.0, 1.0);
+    Some(IdentificationCause { cause: cause.into(), share })
+}
+
+fn not_looked_at(campaign: &Campaign) -> Vec<String> {
+    let mut notes = Vec::new();
+    let made = campaign.runs.iter().filter(|run| run.measured.is_some());
+    if made.clone().count() == 0 {
+        notes.push(
+            "no shaker runs: vibration error, bias before and recovery after runs, drift, and every effect that only vibration shows"
+                .into(),
+        );
+        return notes;
+    }
+    if made.clone().all(|run| run.reference.is_none()) {
+        notes.push("no reference accelerometer: what the table really did, and the shape of random records".into());
+    } else if campaign.config.shaker.is_none() {
+        notes.push("campaign.toml has no [shaker]: the reference's rms is not compared with the command".into());
+    }
+    if made.clone().all(|run| run.measured.is_none_or(|m| m.extremes.is_none())) {
+        notes.push("no extremes of the output: clipping, and the amplitude at the instrument, only through the means".into());
+    }
+    notes
+}
+
+impl Problem<'_> {
+    /// Whether the static readings leave a direction of the coefficients to the prior.
+    fn static_plan_is_blind(&self) -> bool {
+        let design = self.situation.readings.iter().map(|r| shared::model::terms(r.specific_force_g));
+        let mut distinct: Vec<i64> = design.map(|terms| (terms[2] * 1e4).round() as i64).collect();
+        distinct.sort_unstable();
+        distinct.dedup();
+        // Four even functions of a_I need four values of |a_I|.
+        distinct.len() < 4
+    }
+
+    /// Mean and standard deviation of a parameter that goes by steps, the others held.
+    fn stepped(&self, fit: &Fit, m: usize, k: usize) -> (f64, f64) {
+        let Role::Stepped { from, to, .. } = fit.members[m].effect.parameters[k].role else {
+            return (fit.members[m].values[k], 0.0);
+        };
+        const FINE: usize = 160;
+        let step = (to - from) / FINE as f64;
+        let scores: Vec<(f64, f64)> = (0..FINE)
+            .map(|n| {
+                let value = from + (n as f64 + 0.5) * step;
+                let mut members = fit.members.clone();
+                members[m].values[k] = value;
+                (value, self.profile(&members, &fit.trust))
+            })
+            .collect();
+        moments(&scores, step)
+    }
+
+    /// Size of a scatter with its uncertainty, from the runs' residuals.
+    fn scattered(&self, fit: &Fit, m: usize) -> (f64, f64) {
+        let value = fit.members[m].values[0];
+        let super::catalogue::Action::Scatters(scatter) = fit.members[m].effect.action else { return (value, 0.0) };
+        let start = self.range(Block::During).start;
+        // Of runs whose scatter stands out of the noise: each tells the logarithm of the size to 1/sqrt 2.
+        let runs = self.situation.runs.iter().enumerate();
+        let telling: f64 = runs
+            .map(|(row, run)| {
+                let added = scatter(&fit.members[m].values, run, &self.situation) * self.weights[start + row].powi(2);
+                (added / (1.0 + added)).powi(2)
+            })
+            .sum();
+        (value, value / (2.0 * telling.max(0.1)).sqrt())
+    }
+}
+
+/// Mean and standard deviation under exp(-score/2), no smaller than a step's.
+fn moments(scores: &[(f64, f64)], step: f64) -> (f64, f64) {
+    let least = scores.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
+    let (mut total, mut mean, mut square) = (0.0, 0.0, 0.0);
+    for (value, score) in scores {
+        let weight = (-0.5 * (score - least)).exp();
+        total += weight;
+        mean += weight * value;
+        square += weight * value * value;
+    }
+    let mean = mean / total;
+    let variance = square / total - mean * mean;
+    (mean, variance.max(step * step / 3.0).sqrt())
+}

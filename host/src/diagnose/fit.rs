@@ -1,0 +1,541 @@
+//! One hypothesis (no, one or several effects) fitted to a campaign together with the nominal coefficients.
+//!
+//! Coefficients and parameters in proportion are solved for exactly; the others by Gauss-Newton steps from a start.
+//! The marginal likelihood is Laplace's: the likelihood at the fit, times the volume of the parameters that it leaves,
+//! over the volume that they had before.
+
+use shared::model::{Coefficients, NOMINAL};
+
+use super::catalogue::{Action, Effect, Role, Seen};
+use super::dense::Cholesky;
+use super::motion::Motion;
+use super::problem::{BLOCKS, Block, Column, Problem};
+
+/// An effect with values of its parameters.
+#[derive(Clone, Debug)]
+pub struct Member {
+    /// The effect.
+    pub effect: &'static Effect,
+    /// Its parameters in the catalogue's order.
+    pub values: Vec<f64>,
+}
+
+/// A hypothesis fitted to a campaign.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// Its effects with their fitted parameters.
+    pub members: Vec<Member>,
+    /// Coefficients of the nominal model over the problem's scale factor, as (1) is linear in them.
+    pub theta: [f64; NOMINAL],
+    /// -2 log likelihood, up to what all hypotheses share, prior of the coefficients included.
+    pub objective: f64,
+    /// Logarithm of the marginal likelihood, up to what all hypotheses share.
+    pub log_evidence: f64,
+    /// Covariance of coefficients and parameters, row by row, in the order of `columns`.
+    pub covariance: Vec<f64>,
+    /// What each unknown does to the observations, whitened: coefficients, then each member's parameters (those
+    /// that go by steps left out).
+    pub columns: Vec<Column>,
+    /// Member and parameter of each unknown after the coefficients.
+    pub unknowns: Vec<(usize, usize)>,
+    /// Whitened residuals; `during` of random runs by their whole uncertainty.
+    pub residuals: Vec<f64>,
+    /// Of each run the reciprocal variance of `during` in units of the noise's.
+    pub trust: Vec<f64>,
+    /// Motion of the instrument under the hypothesis.
+    pub motions: Vec<Motion>,
+}
+
+/// The prediction's parts at given parameters.
+struct Parts {
+    /// Nominal columns; `None` if the motion is as commanded.
+    nominal: Option<Vec<Column>>,
+    motions: Option<Vec<Motion>>,
+    /// Columns of the parameters in proportion, and the variance that a unit of each adds.
+    linear: Vec<(Column, Vec<f64>)>,
+    /// What is added without a parameter in proportion.
+    offset: Option<Column>,
+    /// Variance added without one.
+    variance: Vec<f64>,
+}
+
+/// Internal scale of a curved parameter.
+fn inner(role: Role, value: f64) -> f64 {
+    match role {
+        Role::Curved { logarithmic: true, .. } => value.ln(),
+        _ => value,
+    }
+}
+
+fn outer(role: Role, inner: f64) -> f64 {
+    match role {
+        Role::Curved { logarithmic: true, .. } => inner.exp(),
+        _ => inner,
+    }
+}
+
+/// Ends of a parameter's range on its internal scale.
+fn range(role: Role) -> Option<(f64, f64)> {
+    match role {
+        Role::Linear { .. } => None,
+        Role::Curved { from, to, .. } => Some((inner(role, from), inner(role, to))),
+        Role::Stepped { from, to, .. } => Some((from, to)),
+    }
+}
+
+/// The grid of a parameter's starts; of one in proportion, 1.
+pub fn starts(role: Role) -> Vec<f64> {
+    let (Some((from, to)), Role::Curved { points, .. } | Role::Stepped { points, .. }) = (range(role), role) else {
+        return vec![1.0];
+    };
+    let step = (to - from) / points as f64;
+    (0..points).map(|k| outer(role, from + (k as f64 + 0.5) * step)).collect()
+}
+
+/// Every combination of the starts of an effect's parameters.
+pub fn grid(effect: &'static Effect) -> Vec<Member> {
+    let mut members = vec![Vec::new()];
+    for parameter in effect.parameters {
+        let starts = starts(parameter.role);
+        members = members
+            .iter()
+            .flat_map(|values| {
+                starts.iter().map(move |&start| {
+                    let mut values = values.clone();
+                    values.push(start);
+                    values
+                })
+            })
+            .collect();
+    }
+    members.into_iter().map(|values| Member { effect, values }).collect()
+}
+
+/// A solved linear problem.
+struct Solution {
+    x: Vec<f64>,
+    objective: f64,
+    factor: Cholesky,
+}
+
+impl Problem<'_> {
+    fn parts(&self, members: &[Member]) -> Parts {
+        let s = &self.situation;
+        let mut parts = Parts { nominal: None, motions: None, linear: Vec::new(), offset: None, variance: vec![0.0; self.run_count()] };
+        let mut offset = None;
+        for Member { effect, values } in members {
+            match effect.action {
+                Action::Adds(add) => {
+                    for k in 0..effect.linear() {
+                        let mut change = self.no_change();
+                        add(values, k, s, &mut change);
+                        parts.linear.push(self.whiten(change));
+                    }
+                    if effect.linear() == 0 {
+                        add(values, 0, s, offset.get_or_insert_with(|| self.no_change()));
+                    }
+                }
+                Action::Moves(move_, _) => {
+                    let motions = parts.motions.get_or_insert_with(|| s.motions.clone());
+                    for (run, motion) in s.runs.iter().zip(motions) {
+                        move_(values, run, s, motion);
+                    }
+                }
+                Action::Scatters(scatter) => {
+                    for (run, variance) in s.runs.iter().zip(&mut parts.variance) {
+                        *variance += scatter(values, run, s);
+                    }
+                }
+            }
+        }
+        if let Some(motions) = &parts.motions {
+            parts.nominal = Some(self.redesign(motions));
+            if members.iter().any(|m| matches!(m.effect.action, Action::Moves(_, Seen::ByReference))) {
+                let change = offset.get_or_insert_with(|| self.no_change());
+                let mut seen = s.motions.clone();
+                for Member { effect, values } in members {
+                    if let Action::Moves(move_, Seen::ByReference) = effect.action {
+                        for (run, motion) in s.runs.iter().zip(&mut seen) {
+                            move_(values, run, s, motion);
+                        }
+                    }
+                }
+                for (row, (run, motion)) in s.runs.iter().zip(&seen).enumerate() {
+                    let h = motion.second_harmonic;
+                    // The harmonic adds its own power, h^2.
+                    let rms = (1.0 + h * h).sqrt();
+                    for axis in 0..3 {
+                        let ratio = motion.amplitude_g[axis] / run.level_g * rms;
+                        change.add(Block::Reference, 3 * row + axis, ratio - run.direction[axis]);
+                    }
+                    // M[(sin x - h cos 2x)^3] = 3h/4, M[..^4] = 3/8 (1 + 4 h^2 + h^4), over the rms value's powers.
+                    let (h2, power) = (h * h, 0.5 * (1.0 + h * h));
+                    change.add(Block::Shape, 2 * row, 0.75 * h / power.powf(1.5));
+                    change.add(Block::Shape, 2 * row + 1, 0.375 * (1.0 + 4.0 * h2 + h2 * h2) / (power * power) - 1.5);
+                }
+            }
+        }
+        if let Some(change) = offset {
+            let (column, variance) = self.whiten(change);
+            parts.offset = Some(column);
+            for (sum, added) in parts.variance.iter_mut().zip(variance) {
+                *sum += added;
+            }
+        }
+        parts
+    }
+
+    /// Weighted inner product over the blocks that both columns touch.
+    pub(super) fn dot(&self, a: &Column, b: &Column, trust: &[f64]) -> f64 {
+        let mut sum = 0.0;
+        for block in BLOCKS {
+            if !(a.touches(block) && b.touches(block)) {
+                continue;
+            }
+            let rows = self.range(block);
+            let (x, y) = (&a.values[rows.clone()], &b.values[rows]);
+            sum += match block {
+                Block::During => x.iter().zip(y).zip(trust).map(|((x, y), t)| x * y * t).sum::<f64>(),
+                _ => inner_product(x, y),
+            };
+        }
+        sum
+    }
+
+    /// Least squares over columns with the coefficients' prior on the first ones and `precision` on the others.
+    fn solve(&self, columns: &[&Column], precision: &[f64], observed: &Column, trust: &[f64]) -> Option<Solution> {
+        let n = columns.len();
+        let mut matrix = vec![0.0; n * n];
+        let mut x = vec![0.0; n];
+        for i in 0..n {
+            for j in 0..=i {
+                let value = self.dot(columns[i], columns[j], trust);
+                matrix[i * n + j] = value;
+                matrix[j * n + i] = value;
+            }
+            x[i] = self.dot(columns[i], observed, trust);
+            matrix[i * n + i] += if i < NOMINAL { self.prior_precision[i] } else { precision[i - NOMINAL] };
+        }
+        // K1's prior is about 1, in units of the scale factor.
+        x[0] += self.prior_precision[0];
+        let right = x.clone();
+        let factor = Cholesky::new(matrix, n)?;
+        factor.solve(&mut x);
+        let explained: f64 = x.iter().zip(&right).map(|(x, r)| x * r).sum();
+        let objective = self.dot(observed, observed, trust) + self.prior_precision[0] - explained;
+        Some(Solution { x, objective, factor })
+    }
+
+    /// -2 log likelihood of members at their values, all in proportion solved for.
+    pub fn profile(&self, members: &[Member], trust: &[f64]) -> f64 {
+        let parts = self.parts(members);
+        self.solve_parts(members, &parts, trust).map_or(f64::INFINITY, |solution| solution.objective)
+    }
+
+    fn solve_parts(&self, members: &[Member], parts: &Parts, trust: &[f64]) -> Option<Solution> {
+        let nominal = parts.nominal.as_deref().unwrap_or(&self.nominal);
+        let columns: Vec<&Column> = nominal.iter().chain(parts.linear.iter().map(|(c, _)| c)).collect();
+        self.solve(&columns, &linear_precision(members), &self.less(parts.offset.as_ref()), trust)
+    }
+
+    fn less(&self, offset: Option<&Column>) -> Column {
+        let mut observed = self.observed.clone();
+        if let Some(offset) = offset {
+            for (y, o) in observed.values.iter_mut().zip(&offset.values) {
+                *y -= o;
+            }
+        }
+        observed
+    }
+
+    /// Prediction of the members' part (and of the nominal one, if motion is changed), whitened.
+    fn predicted(&self, parts: &Parts, x: &[f64]) -> Vec<f64> {
+        let mut sum = parts.offset.as_ref().map_or_else(|| vec![0.0; self.weights.len()], |o| o.values.clone());
+        let nominal = parts.nominal.iter().flatten().zip(x);
+        for (column, x) in nominal.chain(parts.linear.iter().map(|(c, _)| c).zip(&x[NOMINAL..])) {
+            for (s, v) in sum.iter_mut().zip(&column.values) {
+                *s += x * v;
+            }
+        }
+        sum
+    }
+
+    /// Fits the nominal model alone.
+    pub fn fit_nominal(&self) -> Option<Fit> {
+        self.fit(Vec::new(), &vec![1.0; self.run_count()], 3)
+    }
+
+    /// Fits members from their values; `trust` is a first guess of the trust in each run.
+    pub fn fit(&self, mut members: Vec<Member>, trust: &[f64], rounds: usize) -> Option<Fit> {
+        let mut trust = trust.to_vec();
+        let mut log_variance = 0.0;
+        let curved = curved(&members);
+        let mut parts = self.parts(&members);
+        let mut solution = self.solve_parts(&members, &parts, &trust)?;
+        let mut derivatives: Vec<Column> = Vec::new();
+        for round in 0..rounds {
+            let steps = if curved.is_empty() { 0 } else if round == 0 { 30 } else { 8 };
+            for _ in 0..steps {
+                derivatives = self.derivatives(&members, &parts, &solution.x, &curved);
+                let Some(direction) = self.direction(&members, &parts, &derivatives, &curved, &trust) else { break };
+                let better = [1.0, 0.3, 0.1, 0.03, 0.01].into_iter().find_map(|fraction| {
+                    let candidate = moved(&members, &curved, &direction, fraction);
+                    let parts = self.parts(&candidate);
+                    let better = self.solve_parts(&candidate, &parts, &trust)?;
+                    (better.objective < solution.objective).then_some((candidate, parts, better))
+                });
+                let Some(better) = better else { break };
+                let gained = solution.objective - better.2.objective;
+                (members, parts, solution) = better;
+                if gained < 1e-3 {
+                    break;
+                }
+            }
+            // What of the random runs nobody saw follows from the fit itself.
+            let theta = nominal(&solution.x);
+            let motions = parts.motions.as_deref().unwrap_or(&self.situation.motions);
+            let added = added_variance(&parts, &solution.x);
+            let extra = self.unseen_variance(&theta, motions, &added);
+            trust = extra.iter().map(|e| 1.0 / (1.0 + e)).collect();
+            log_variance = extra.iter().map(|e| e.ln_1p()).sum();
+            solution = self.solve_parts(&members, &parts, &trust)?;
+        }
+        if !curved.is_empty() {
+            derivatives = self.derivatives(&members, &parts, &solution.x, &curved);
+        }
+        self.finish(members, parts, solution, derivatives, curved, trust, log_variance)
+    }
+
+    /// Columns of the derivatives by the curved parameters on their internal scale.
+    fn derivatives(&self, members: &[Member], parts: &Parts, x: &[f64], curved: &[(usize, usize)]) -> Vec<Column> {
+        let mut touched = vec![0u16; curved.len()];
+        let columns: Vec<Vec<f64>> = curved
+            .iter()
+            .enumerate()
+            .map(|(index, &(m, k))| {
+                let role = members[m].effect.parameters[k].role;
+                let (from, to) = range(role).unwrap_or((0.0, 1.0));
+                let t = inner(role, members[m].values[k]);
+                // Inwards at the upper end.
+                let h = 1e-4 * (to - from) * if t > 0.5 * (from + to) { -1.0 } else { 1.0 };
+                let alone = matches!(members[m].effect.action, Action::Adds(_));
+                let mut moved = members.to_vec();
+                moved[m].values[k] = outer(role, t + h);
+                let difference = |now: &[f64], then: &[f64]| {
+                    now.iter().zip(then).map(|(now, then)| (then - now) / h).collect::<Vec<_>>()
+                };
+                touched[index] = u16::MAX;
+                if alone {
+                    let before: usize = NOMINAL + members[..m].iter().map(|m| m.effect.linear()).sum::<usize>();
+                    let own = before..before + members[m].effect.linear();
+                    let mut weights = vec![0.0; NOMINAL];
+                    weights.extend_from_slice(&x[own]);
+                    let now = self.predicted(&self.parts(&members[m..=m]), &weights);
+                    let then = self.predicted(&self.parts(&moved[m..=m]), &weights);
+                    difference(&now, &then)
+                } else {
+                    difference(&self.predicted(parts, x), &self.predicted(&self.parts(&moved), x))
+                }
+            })
+            .collect();
+        columns.into_iter().map(|values| self.column(values)).collect()
+    }
+
+    /// At given members and coefficients: what each unknown does, the whole prediction, the variance of `during`.
+    pub(super) fn tangent(&self, members: &[Member], theta: &[f64; NOMINAL]) -> (Vec<Column>, Vec<f64>, Vec<f64>) {
+        let curved = curved(members);
+        let parts = self.parts(members);
+        let mut x = theta.to_vec();
+        for member in members {
+            x.extend_from_slice(&member.values[..member.effect.linear()]);
+        }
+        let derivatives = self.derivatives(members, &parts, &x, &curved);
+        let prediction = self.fitted(&parts, &x);
+        let added = added_variance(&parts, &x);
+        let linear = parts.linear.into_iter().map(|(column, _)| column);
+        let nominal = parts.nominal.unwrap_or_else(|| self.nominal.clone());
+        (nominal.into_iter().chain(linear).chain(derivatives).collect(), prediction, added)
+    }
+
+    /// The Gauss-Newton step of the curved parameters on their internal scale.
+    fn direction(
+        &self,
+        members: &[Member],
+        parts: &Parts,
+        derivatives: &[Column],
+        curved: &[(usize, usize)],
+        trust: &[f64],
+    ) -> Option<Vec<f64>> {
+        let nominal = parts.nominal.as_deref().unwrap_or(&self.nominal);
+        let linear = parts.linear.iter().map(|(c, _)| c);
+        let columns: Vec<&Column> = nominal.iter().chain(linear).chain(derivatives).collect();
+        let mut precision = linear_precision(members);
+        for &(m, k) in curved {
+            let (from, to) = range(members[m].effect.parameters[k].role)?;
+            precision.push(1.0 / (to - from).powi(2));
+        }
+        let observed = self.less(parts.offset.as_ref());
+        let solved = self.solve(&columns, &precision, &observed, trust)?;
+        Some(solved.x[columns.len() - curved.len()..].to_vec())
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "the end of a fit")]
+    fn finish(
+        &self,
+        mut members: Vec<Member>,
+        parts: Parts,
+        solution: Solution,
+        derivatives: Vec<Column>,
+        curved: Vec<(usize, usize)>,
+        trust: Vec<f64>,
+        log_variance: f64,
+    ) -> Option<Fit> {
+        let mut unknowns = Vec::new();
+        let mut log_prior = 0.0;
+        let mut precision = linear_precision(&members);
+        for (m, member) in members.iter_mut().enumerate() {
+            for (k, parameter) in member.effect.parameters.iter().enumerate() {
+                match parameter.role {
+                    Role::Linear { width } => {
+                        let value = solution.x[NOMINAL + unknowns.len()];
+                        member.values[k] = value;
+                        unknowns.push((m, k));
+                        log_prior -= (std::f64::consts::PI * width * (1.0 + (value / width).powi(2))).ln();
+                    }
+                    Role::Stepped { points, .. } => log_prior -= 0.5 * (points as f64).ln(),
+                    Role::Curved { .. } if matches!(member.effect.action, Action::Scatters(_)) => log_prior -= 2.0,
+                    Role::Curved { .. } => {}
+                }
+            }
+        }
+        for &(m, k) in &curved {
+            let (from, to) = range(members[m].effect.parameters[k].role)?;
+            log_prior -= (to - from).ln();
+            precision.push(12.0 / (to - from).powi(2));
+            unknowns.push((m, k));
+        }
+        let theta = nominal_values(&solution.x);
+        let fitted = self.fitted(&parts, &solution.x);
+        let residuals = self.residuals(&fitted, &trust);
+        let linear = parts.linear.into_iter().map(|(column, _)| column);
+        let nominal = parts.nominal.unwrap_or_else(|| self.nominal.clone());
+        let columns: Vec<Column> = nominal.into_iter().chain(linear).chain(derivatives).collect();
+        let factor = if curved.is_empty() {
+            solution.factor
+        } else {
+            let references: Vec<&Column> = columns.iter().collect();
+            self.solve(&references, &precision, &self.observed, &trust)?.factor
+        };
+        let objective = solution.objective + log_variance;
+        let volume = unknowns.len() as f64 * std::f64::consts::TAU.ln() - factor.log_determinant();
+        Some(Fit {
+            log_evidence: 0.5 * (volume - objective) + log_prior,
+            covariance: factor.inverse(),
+            motions: parts.motions.unwrap_or_else(|| self.situation.motions.clone()),
+            members,
+            theta,
+            objective,
+            columns,
+            unknowns,
+            residuals,
+            trust,
+        })
+    }
+
+    /// The whole prediction, whitened.
+    fn fitted(&self, parts: &Parts, x: &[f64]) -> Vec<f64> {
+        let mut sum = self.predicted(parts, x);
+        if parts.nominal.is_none() {
+            for (column, x) in self.nominal.iter().zip(x) {
+                for (s, v) in sum.iter_mut().zip(&column.values) {
+                    *s += x * v;
+                }
+            }
+        }
+        sum
+    }
+
+    fn residuals(&self, fitted: &[f64], trust: &[f64]) -> Vec<f64> {
+        let mut residuals: Vec<f64> = self.observed.values.iter().zip(fitted).map(|(y, f)| y - f).collect();
+        for (residual, trust) in residuals[self.range(Block::During)].iter_mut().zip(trust) {
+            *residual *= trust.sqrt();
+        }
+        residuals
+    }
+}
+
+/// Member and number of each parameter that is refined by Gauss-Newton steps.
+fn curved(members: &[Member]) -> Vec<(usize, usize)> {
+    let mut found = Vec::new();
+    for (m, member) in members.iter().enumerate() {
+        if matches!(member.effect.action, Action::Scatters(_)) {
+            continue;
+        }
+        let parameters = member.effect.parameters.iter().enumerate();
+        let curved = parameters.filter(|(_, p)| matches!(p.role, Role::Curved { .. }));
+        found.extend(curved.map(|(k, _)| (m, k)));
+    }
+    found
+}
+
+/// The variance that effects add to each run's `during`, g^2.
+fn added_variance(parts: &Parts, x: &[f64]) -> Vec<f64> {
+    let mut added = parts.variance.clone();
+    for ((_, unit), x) in parts.linear.iter().zip(&x[NOMINAL..]) {
+        for (sum, unit) in added.iter_mut().zip(unit) {
+            *sum += x * x * unit;
+        }
+    }
+    added
+}
+
+fn inner_product(x: &[f64], y: &[f64]) -> f64 {
+    // Four sums that do not wait for each other.
+    let (x4, x_rest) = x.as_chunks::<4>();
+    let (y4, y_rest) = y.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for (x, y) in x4.iter().zip(y4) {
+        for k in 0..4 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    let rest: f64 = x_rest.iter().zip(y_rest).map(|(x, y)| x * y).sum();
+    sums[0] + sums[1] + sums[2] + sums[3] + rest
+}
+
+/// The members a fraction of a step further, within the parameters' ranges.
+fn moved(members: &[Member], curved: &[(usize, usize)], direction: &[f64], fraction: f64) -> Vec<Member> {
+    let mut members = members.to_vec();
+    for (&(m, k), step) in curved.iter().zip(direction) {
+        let role = members[m].effect.parameters[k].role;
+        if let Some((from, to)) = range(role) {
+            let largest = 0.3 * (to - from);
+            let t = inner(role, members[m].values[k]) + fraction * step.clamp(-largest, largest);
+            members[m].values[k] = outer(role, t.clamp(from, to));
+        }
+    }
+    members
+}
+
+fn linear_precision(members: &[Member]) -> Vec<f64> {
+    let roles = members.iter().flat_map(|m| m.effect.parameters).map(|p| p.role);
+    roles
+        .filter_map(|role| match role {
+            // The Cauchy prior is counted at the fit; this keeps what no observation sees from running away.
+            Role::Linear { width } => Some((100.0 * width).powi(-2)),
+            _ => None,
+        })
+        .collect()
+}
+
+fn nominal_values(x: &[f64]) -> [f64; NOMINAL] {
+    std::array::from_fn(|k| x[k])
+}
+
+/// The coefficients behind the linear unknowns, with a scale factor of 1.
+pub fn nominal(x: &[f64]) -> Coefficients<f64> {
+    let k1 = x[0];
+    let mut c = nominal_values(x).map(|x| x / k1);
+    c[0] = 1.0;
+    Coefficients::from_nominal(c)
+}

@@ -1,0 +1,133 @@
+//! How far the gap shrinks, on runs that were not used: cross-validation over blocks of conditions.
+
+use serde::{Deserialize, Serialize};
+use shared::model::NOMINAL;
+
+use super::dense::Cholesky;
+use super::fit::Fit;
+use super::problem::{Block, Column, Problem};
+use crate::campaign::{Run, VibrationKind};
+
+/// Root mean squares over held-out runs of measured less predicted vibration error, g.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Shrink {
+    /// Coefficients from the static test alone.
+    pub held_out_rms_static_only_g: f64,
+    /// The nominal model fitted to everything but the held-out runs.
+    pub held_out_rms_refit_g: f64,
+    /// The same with the effects.
+    pub held_out_rms_with_effects_g: f64,
+    /// What the noise of the plateaus and the finite records would leave of a perfect prediction.
+    pub noise_floor_rms_g: f64,
+    /// What the effects close of what the refit leaves above the floor.
+    pub closed_fraction: f64,
+}
+
+impl Problem<'_> {
+    /// Cross-validates a fit against the nominal model; `None` without runs.
+    pub fn shrink(&self, null: &Fit, fit: &Fit) -> Option<Shrink> {
+        let measured = |run: &&Run| run.measured.is_some();
+        let mut conditions: Vec<(VibrationKind, [f64; 2])> = Vec::new();
+        for run in self.situation.runs.iter().copied().filter(|run| measured(run)) {
+            if !conditions.contains(&(run.kind, run.band_hz)) {
+                conditions.push((run.kind, run.band_hz));
+            }
+        }
+        let made = self.situation.runs.iter().filter(|run| measured(run)).count();
+        if made == 0 {
+            return None;
+        }
+        let from_static = self.static_only()?;
+        let (mut statics, mut refit, mut with, mut floor, mut spread) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (kind, band_hz) in conditions {
+            let runs = self.situation.runs.iter().enumerate();
+            let fold: Vec<usize> = runs
+                .filter(|(_, run)| measured(run) && run.kind == kind && run.band_hz == band_hz)
+                .map(|(row, _)| row)
+                .collect();
+            refit += self.held_out(null, &fold)?.0;
+            let (square, variance) = self.held_out(fit, &fold)?;
+            with += square;
+            spread += variance;
+            for &row in &fold {
+                let [during, before] = [Block::During, Block::Before].map(|block| self.range(block).start + row);
+                let predicted = (0..NOMINAL).map(|k| from_static[k] * self.vre_row(&self.nominal[k], row)).sum::<f64>();
+                let observed = self.observed.values[during] / self.weights[during] - self.observed.values[before] / self.weights[before];
+                statics += (observed - predicted).powi(2);
+                floor += self.weights[before].powi(-2) + self.weights[during].powi(-2) / fit.trust[row];
+            }
+        }
+        let rms = |sum: f64| (sum / made as f64).sqrt();
+        let above = |sum: f64| (sum - floor).max(0.0);
+        // A good prediction is no better than its own uncertainty allows.
+        let left = above(with).max(spread);
+        let closed = if fit.members.is_empty() || above(refit) <= 0.0 { 0.0 } else { 1.0 - (left / above(refit)).sqrt() };
+        Some(Shrink {
+            held_out_rms_static_only_g: rms(statics),
+            held_out_rms_refit_g: rms(refit),
+            held_out_rms_with_effects_g: rms(with),
+            noise_floor_rms_g: rms(floor),
+            closed_fraction: closed.clamp(0.0, 1.0),
+        })
+    }
+
+    /// A whitened column's part in a run's vibration error, in g.
+    fn vre_row(&self, column: &Column, row: usize) -> f64 {
+        let [during, before] = [Block::During, Block::Before].map(|block| self.range(block).start + row);
+        column.values[during] / self.weights[during] - column.values[before] / self.weights[before]
+    }
+
+    /// Sum over runs left out of the squared error of their predicted vibration error, and of its variance, g^2: the
+    /// normal equations of the fit less those runs' rows, linear about the fit.
+    fn held_out(&self, fit: &Fit, fold: &[usize]) -> Option<(f64, f64)> {
+        let n = fit.columns.len();
+        let mut matrix = Cholesky::new(fit.covariance.clone(), n)?.inverse();
+        let mut right = vec![0.0; n];
+        for &run in fold {
+            for block in [Block::Before, Block::During, Block::After, Block::Drift, Block::Maximum, Block::Minimum] {
+                let row = self.range(block).start + run;
+                let root = if block == Block::During { fit.trust[run].sqrt() } else { 1.0 };
+                let x: Vec<f64> = fit.columns.iter().map(|c| c.values[row] * root).collect();
+                for i in 0..n {
+                    right[i] -= x[i] * fit.residuals[row];
+                    for j in 0..n {
+                        matrix[i * n + j] -= x[i] * x[j];
+                    }
+                }
+            }
+        }
+        let factor = Cholesky::new(matrix, n)?;
+        factor.solve(&mut right);
+        let (mut square, mut variance) = (0.0, 0.0);
+        for &run in fold {
+            let [during, before] = [Block::During, Block::Before].map(|block| self.range(block).start + run);
+            let mut x: Vec<f64> = fit.columns.iter().map(|c| self.vre_row(c, run)).collect();
+            let residual = fit.residuals[during] / (self.weights[during] * fit.trust[run].sqrt())
+                - fit.residuals[before] / self.weights[before];
+            let error = residual - x.iter().zip(&right).map(|(x, d)| x * d).sum::<f64>();
+            square += error * error;
+            factor.forward(&mut x);
+            variance += x.iter().map(|x| x * x).sum::<f64>();
+        }
+        Some((square, variance))
+    }
+
+    /// The linear unknowns of the nominal model from the static readings alone.
+    pub fn static_only(&self) -> Option<[f64; NOMINAL]> {
+        let rows = self.range(Block::Static);
+        let mut matrix = vec![0.0; NOMINAL * NOMINAL];
+        let mut x = [0.0; NOMINAL];
+        for i in 0..NOMINAL {
+            let column = &self.nominal[i].values[rows.clone()];
+            for j in 0..NOMINAL {
+                let other = &self.nominal[j].values[rows.clone()];
+                matrix[i * NOMINAL + j] = column.iter().zip(other).map(|(a, b)| a * b).sum();
+            }
+            matrix[i * NOMINAL + i] += self.prior_precision[i];
+            x[i] = column.iter().zip(&self.observed.values[rows.clone()]).map(|(a, b)| a * b).sum();
+        }
+        x[0] += self.prior_precision[0];
+        Cholesky::new(matrix, NOMINAL)?.solve(&mut x);
+        Some(x)
+    }
+}

@@ -1,0 +1,101 @@
+//! A diagnosis for the terminal.
+
+use std::fmt::Write as _;
+
+use super::catalogue;
+use super::diagnosis::{Diagnosis, Verdict};
+use crate::quantity::Quantity;
+
+/// A diagnosis in a screenful.
+pub fn text(diagnosis: &Diagnosis) -> String {
+    let mut out = String::new();
+    let best = &diagnosis.which[0];
+    let names = best.effects.join(" and ");
+    let _ = writeln!(out, "instrument {}: {}\n", diagnosis.serial, headline(diagnosis));
+    let gap = &diagnosis.gap;
+    let _ = writeln!(
+        out,
+        "gap      the nominal model misses by {:.2} times the stated noise (chance of that: {})",
+        gap.rms_over_noise,
+        probability(gap.p_value)
+    );
+    if diagnosis.verdict != Verdict::NoGap {
+        let shares = diagnosis.location.observables.iter().filter(|o| o.share >= 0.005);
+        let shares: Vec<String> = shares.map(|o| format!("{} {:.0} %", o.name, 100.0 * o.share)).collect();
+        let _ = writeln!(out, "where    {}", shares.join(", "));
+        for condition in diagnosis.location.conditions.iter().take(3) {
+            let _ = writeln!(
+                out,
+                "         {:.0} % of it within {} {:.4} to {:.4} ({} of them)",
+                100.0 * condition.share,
+                condition.factor,
+                condition.low,
+                condition.high,
+                condition.runs.len()
+            );
+        }
+        let mut stages = diagnosis.location.stages.clone();
+        stages.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        if let Some(stage) = stages.first().filter(|s| s.probability > 0.05) {
+            let word = serde_json::to_string(&stage.stage).unwrap_or_default();
+            let _ = writeln!(out, "link     {} ({:.0} %)", word.trim_matches('"'), 100.0 * stage.probability);
+        }
+        for which in diagnosis.which.iter().take(4) {
+            let name = if which.effects.is_empty() { "nothing".into() } else { which.effects.join(" + ") };
+            let _ = writeln!(out, "which    {:<40} {:>6.1} %", name, 100.0 * which.probability);
+        }
+        for parameter in &best.parameters {
+            let _ = writeln!(out, "         {} = {}", parameter.name, Quantity::new(parameter.value, parameter.sigma));
+        }
+        for id in &best.effects {
+            if let Some(effect) = catalogue::find(id) {
+                let _ = writeln!(out, "         {id}: {}", effect.says);
+            }
+        }
+        if !best.indistinguishable_from.is_empty() {
+            let _ = writeln!(out, "         these data cannot tell {names} from {}", best.indistinguishable_from.join(", "));
+        }
+    }
+    if let Some(shrink) = &diagnosis.shrink {
+        let _ = writeln!(
+            out,
+            "shrink   held-out runs miss by {:.2} (static test), {:.2} (refitted), {:.2} (with effects) microg; noise {:.2}; closed {:.0} %",
+            1e6 * shrink.held_out_rms_static_only_g,
+            1e6 * shrink.held_out_rms_refit_g,
+            1e6 * shrink.held_out_rms_with_effects_g,
+            1e6 * shrink.noise_floor_rms_g,
+            100.0 * shrink.closed_fraction
+        );
+    }
+    if let Some(cause) = &diagnosis.identification {
+        let _ = writeln!(
+            out,
+            "static   the static prediction alone is off by {} ({:.0} % of its error): no effect, a matter of the plan and the dial",
+            cause.cause,
+            100.0 * cause.share
+        );
+    }
+    for test in diagnosis.next_tests.iter().take(3) {
+        let _ = writeln!(out, "next     {} ({:.2} bits)", test.change, test.expected_bits);
+    }
+    for note in &diagnosis.not_looked_at {
+        let _ = writeln!(out, "not seen {note}");
+    }
+    out
+}
+
+/// The verdict as a sentence.
+pub fn headline(diagnosis: &Diagnosis) -> String {
+    let best = &diagnosis.which[0];
+    let names = best.effects.join(" and ");
+    match diagnosis.verdict {
+        Verdict::NoGap => "no gap beyond the stated uncertainty".into(),
+        Verdict::Explained => format!("the gap is explained by {names} ({:.0} %)", 100.0 * best.probability),
+        Verdict::Ambiguous => format!("the gap is explained by {names} or {}", best.indistinguishable_from.join(" or ")),
+        Verdict::Unexplained => "there is a gap, and nothing in the catalogue explains it".into(),
+    }
+}
+
+fn probability(p: f64) -> String {
+    if p < 1e-4 { "less than 1 in 10 000".into() } else { format!("{:.2} %", 100.0 * p) }
+}
