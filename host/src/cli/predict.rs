@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::{Command, Console};
 use crate::campaign::{Campaign, Run, VibrationKind, read_runs};
+use crate::diagnose::{Diagnosis, predict_with_effects};
 use crate::error::Error;
 use crate::prediction::{DEFAULT_PRIOR_SIGMA, PredictedRun, Prediction, predict};
 use crate::quantity::Quantity;
@@ -23,6 +24,9 @@ pub struct Predict {
     /// taken where the static plan leaves a direction undetermined
     #[arg(long, value_name = "SIGMA", value_parser = super::positive)]
     prior_sigma: Option<f64>,
+    /// Add the effects that `vre diagnose --json` found in the campaign
+    #[arg(long, value_name = "FILE.json")]
+    diagnosis: Option<PathBuf>,
 }
 
 impl Command for Predict {
@@ -42,7 +46,14 @@ impl Command for Predict {
                 self.campaign.display()
             )));
         }
-        let prediction = predict(&campaign, runs, self.prior_sigma)?;
+        let mut prediction = predict(&campaign, runs, self.prior_sigma)?;
+        if let Some(file) = &self.diagnosis {
+            let diagnosis = Diagnosis::read(file)?;
+            let with_effects = predict_with_effects(&campaign, &diagnosis, runs)?;
+            for (run, quantity) in prediction.runs.iter_mut().zip(with_effects) {
+                run.with_effects_vre_g = Some(quantity);
+            }
+        }
         let stated = self.prior_sigma.is_some();
         console.print(text(&prediction, runs, stated))?;
         console.json(&prediction)

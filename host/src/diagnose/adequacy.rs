@@ -40,7 +40,10 @@ impl Problem<'_> {
         let mut tests = 0.0;
         for ((block, _), (chi2, freedom)) in OBSERVABLES.iter().zip(&mut observables) {
             let rows = self.range(*block);
-            for (r, h) in fit.residuals[rows.clone()].iter().zip(&leverage[rows.clone()]) {
+            for (r, h) in fit.residuals[rows.clone()]
+                .iter()
+                .zip(&leverage[rows.clone()])
+            {
                 *chi2 += r * r;
                 *freedom += 1.0 - h;
             }
@@ -73,7 +76,8 @@ impl Problem<'_> {
 
     fn unobserved(&self, rows: std::ops::Range<usize>) -> usize {
         let first = self.starts[1];
-        rows.filter(|&row| row >= first && self.weights[row] == 0.0).count()
+        rows.filter(|&row| row >= first && self.weights[row] == 0.0)
+            .count()
     }
 
     /// Share of each row that the fit's unknowns take.
@@ -94,7 +98,10 @@ impl Problem<'_> {
                 leverage[row] = sum;
             }
         }
-        for (h, trust) in leverage[self.range(Block::During)].iter_mut().zip(&fit.trust) {
+        for (h, trust) in leverage[self.range(Block::During)]
+            .iter_mut()
+            .zip(&fit.trust)
+        {
             *h *= trust;
         }
         leverage
@@ -106,17 +113,30 @@ impl Problem<'_> {
         let root: Vec<f64> = fit.trust.iter().map(|t| t.sqrt()).collect();
         let mut matrix = vec![0.0; k * k];
         let mut across = vec![0.0; n * k];
-        let right: Vec<f64> = columns.iter().map(|c| self.dot(c, residual, &root)).collect();
+        let right: Vec<f64> = columns
+            .iter()
+            .map(|c| self.dot(c, residual, &root))
+            .collect();
         for j in 0..k {
             for i in 0..n {
                 across[j * n + i] = self.dot(&fit.columns[i], columns[j], &fit.trust);
             }
             let b = &across[j * n..(j + 1) * n];
             let solved: Vec<f64> = (0..n)
-                .map(|i| fit.covariance[i * n..(i + 1) * n].iter().zip(b).map(|(c, b)| c * b).sum())
+                .map(|i| {
+                    fit.covariance[i * n..(i + 1) * n]
+                        .iter()
+                        .zip(b)
+                        .map(|(c, b)| c * b)
+                        .sum()
+                })
                 .collect();
             for i in 0..=j {
-                let taken: f64 = across[i * n..(i + 1) * n].iter().zip(&solved).map(|(b, s)| b * s).sum();
+                let taken: f64 = across[i * n..(i + 1) * n]
+                    .iter()
+                    .zip(&solved)
+                    .map(|(b, s)| b * s)
+                    .sum();
                 let value = self.dot(columns[i], columns[j], &fit.trust) - taken;
                 matrix[i * k + j] = value;
                 matrix[j * k + i] = value;
@@ -135,7 +155,9 @@ impl Problem<'_> {
         for i in 0..k {
             matrix[i * k + i] += 1.0 / size;
         }
-        let Some(factor) = Cholesky::new(matrix, k) else { return (0.0, 0.0) };
+        let Some(factor) = Cholesky::new(matrix, k) else {
+            return (0.0, 0.0);
+        };
         let mut x = right.clone();
         factor.solve(&mut x);
         let gain = x.iter().zip(&right).map(|(x, r)| x * r).sum();
@@ -174,7 +196,11 @@ impl Problem<'_> {
         let s = &self.situation;
         let square = |run: &crate::campaign::Run| {
             let square = run.level_g * run.level_g;
-            if run.kind == VibrationKind::Sine { 0.5 * square } else { square }
+            if run.kind == VibrationKind::Sine {
+                0.5 * square
+            } else {
+                square
+            }
         };
         let mut families: Vec<Vec<Change>> = Vec::new();
         let mut family = Vec::new();
@@ -187,9 +213,18 @@ impl Problem<'_> {
         for direction in directions {
             for order in 0..4 {
                 let mut change = self.no_change();
-                for (row, run) in s.runs.iter().enumerate().filter(|(_, run)| run.direction == direction) {
+                for (row, run) in s
+                    .runs
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, run)| run.direction == direction)
+                {
                     let centre = (run.band_hz[0] * run.band_hz[1]).sqrt().max(1.0);
-                    change.add(Block::During, row, square(run) * (centre / 200.0).ln().powi(order));
+                    change.add(
+                        Block::During,
+                        row,
+                        square(run) * (centre / 200.0).ln().powi(order),
+                    );
                 }
                 family.push(change);
             }
@@ -208,10 +243,16 @@ impl Problem<'_> {
             }
         }
         families.push(std::mem::take(&mut family));
-        let end_s = s.runs.last().map_or(0.0, |run| run.time_s).max(s.readings.last().map_or(0.0, |r| r.time_s));
+        let end_s = s
+            .runs
+            .last()
+            .map_or(0.0, |run| run.time_s)
+            .max(s.readings.last().map_or(0.0, |r| r.time_s));
         for order in 1..9 {
             let mut change = self.no_change();
-            let wave = |time_s: f64| (std::f64::consts::PI * f64::from(order) * time_s / end_s.max(1.0)).cos();
+            let wave = |time_s: f64| {
+                (std::f64::consts::PI * f64::from(order) * time_s / end_s.max(1.0)).cos()
+            };
             for (row, reading) in s.readings.iter().enumerate() {
                 change.add(Block::Static, row, wave(reading.time_s));
             }
@@ -226,14 +267,26 @@ impl Problem<'_> {
         for order in 0..4 {
             let mut change = self.no_change();
             for (row, reading) in s.readings.iter().enumerate().filter(|_| order < 3) {
-                change.add(Block::Static, row, (reading.temp_c - s.reference_temp_c) * reading.specific_force_g.i.powi(order));
+                change.add(
+                    Block::Static,
+                    row,
+                    (reading.temp_c - s.reference_temp_c) * reading.specific_force_g.i.powi(order),
+                );
             }
             for (row, run) in s.runs.iter().enumerate() {
                 let excess_k = run.temp_c - s.reference_temp_c;
-                let rest = if order < 3 { run.specific_force_g.i.powi(order) } else { 0.0 };
+                let rest = if order < 3 {
+                    run.specific_force_g.i.powi(order)
+                } else {
+                    0.0
+                };
                 change.add(Block::Before, row, excess_k * rest);
                 change.add(Block::After, row, excess_k * rest);
-                let moving = if order > 1 { square(run) * run.direction[0].powi(2) } else { 0.0 };
+                let moving = if order > 1 {
+                    square(run) * run.direction[0].powi(2)
+                } else {
+                    0.0
+                };
                 change.add(Block::During, row, excess_k * (rest + moving));
             }
             family.push(change);
@@ -243,20 +296,39 @@ impl Problem<'_> {
             for order in 0..5 {
                 for quadrature in [false, true] {
                     let mut change = self.no_change();
-                    for (row, reading) in s.readings.iter().enumerate().filter(|(_, r)| r.series == series) {
+                    for (row, reading) in s
+                        .readings
+                        .iter()
+                        .enumerate()
+                        .filter(|(_, r)| r.series == series)
+                    {
                         let angle = f64::from(order) * reading.dial_deg.to_radians();
-                        change.add(Block::Static, row, if quadrature { angle.sin() } else { angle.cos() });
+                        change.add(
+                            Block::Static,
+                            row,
+                            if quadrature { angle.sin() } else { angle.cos() },
+                        );
                     }
                     family.push(change);
                 }
             }
         }
         families.push(std::mem::take(&mut family));
-        for (block, order) in [(Block::After, 1), (Block::After, 2), (Block::Drift, 1), (Block::Drift, 2)] {
+        for (block, order) in [
+            (Block::After, 1),
+            (Block::After, 2),
+            (Block::Drift, 1),
+            (Block::Drift, 2),
+        ] {
             for axes in [0, 1] {
                 let mut change = self.no_change();
                 for (row, run) in s.runs.iter().enumerate() {
-                    let rms = square(run).sqrt() * if axes == 0 { 1.0 } else { run.direction[0].abs() };
+                    let rms = square(run).sqrt()
+                        * if axes == 0 {
+                            1.0
+                        } else {
+                            run.direction[0].abs()
+                        };
                     change.add(block, row, rms.powi(order));
                 }
                 family.push(change);
@@ -267,7 +339,9 @@ impl Problem<'_> {
             .into_iter()
             .map(|family| {
                 let columns = family.into_iter().map(|change| self.whiten(change).0);
-                columns.filter(|column| column.values.iter().any(|&v| v != 0.0)).collect()
+                columns
+                    .filter(|column| column.values.iter().any(|&v| v != 0.0))
+                    .collect()
             })
             .collect()
     }
@@ -278,7 +352,13 @@ impl Problem<'_> {
         let k = signatures.len();
         let (matrix, _) = self.reduced(null, signatures, &nothing);
         let size = |i: usize| matrix[i * k + i].max(f64::MIN_POSITIVE).sqrt();
-        (0..k).map(|i| (0..k).map(|j| matrix[i * k + j] / (size(i) * size(j))).collect()).collect()
+        (0..k)
+            .map(|i| {
+                (0..k)
+                    .map(|j| matrix[i * k + j] / (size(i) * size(j)))
+                    .collect()
+            })
+            .collect()
     }
 
     /// What the effects of a fit add to the observations, whitened.
@@ -303,7 +383,9 @@ impl Problem<'_> {
 
 /// Scales columns to unit information.
 fn scale(matrix: &mut [f64], right: &mut [f64], k: usize) {
-    let size: Vec<f64> = (0..k).map(|i| matrix[i * k + i].max(1e-12).sqrt()).collect();
+    let size: Vec<f64> = (0..k)
+        .map(|i| matrix[i * k + i].max(1e-12).sqrt())
+        .collect();
     for i in 0..k {
         right[i] /= size[i];
         for j in 0..k {

@@ -26,7 +26,10 @@ impl Cholesky {
                 }
             }
         }
-        Some(Self { order, lower: matrix })
+        Some(Self {
+            order,
+            lower: matrix,
+        })
     }
 
     /// Solves for one right-hand side, in place.
@@ -56,7 +59,9 @@ impl Cholesky {
 
     /// Logarithm of the determinant.
     pub fn log_determinant(&self) -> f64 {
-        (0..self.order).map(|i| 2.0 * self.lower[i * self.order + i].ln()).sum()
+        (0..self.order)
+            .map(|i| 2.0 * self.lower[i * self.order + i].ln())
+            .sum()
     }
 
     /// The inverse, row by row.

@@ -157,14 +157,20 @@ impl Diagnosis {
     /// Unreadable, not JSON of that format, or an effect that the catalogue does not hold.
     pub fn read(file: &Path) -> Result<Self, Error> {
         let text = fs::read_to_string(file).map_err(Error::read(file))?;
-        let diagnosis: Self =
-            serde_json::from_str(&text).map_err(|error| Error::input(file, error.to_string().replace('\n', " ")))?;
+        let diagnosis: Self = serde_json::from_str(&text)
+            .map_err(|error| Error::input(file, error.to_string().replace('\n', " ")))?;
         if diagnosis.format != FORMAT {
-            return Err(Error::input(file, format!("its format is \"{}\", not \"{FORMAT}\"", diagnosis.format)));
+            return Err(Error::input(
+                file,
+                format!("its format is \"{}\", not \"{FORMAT}\"", diagnosis.format),
+            ));
         }
         for id in diagnosis.which.iter().flat_map(|which| &which.effects) {
             if catalogue::find(id).is_none() {
-                return Err(Error::input(file, format!("\"{id}\" is no effect of the catalogue")));
+                return Err(Error::input(
+                    file,
+                    format!("\"{id}\" is no effect of the catalogue"),
+                ));
             }
         }
         Ok(diagnosis)
@@ -172,13 +178,20 @@ impl Diagnosis {
 
     /// The most probable effects with their parameters, as far as adding them makes predictions better.
     pub fn members(&self) -> Vec<Member> {
-        let helps = self.shrink.is_none_or(|shrink| shrink.closed_fraction > 0.0);
+        let helps = self
+            .shrink
+            .is_none_or(|shrink| shrink.closed_fraction > 0.0);
         let best = self.which.first().filter(|_| helps);
-        let effects = best.into_iter().flat_map(|which| which.effects.iter().zip(&which.fitted));
+        let effects = best
+            .into_iter()
+            .flat_map(|which| which.effects.iter().zip(&which.fitted));
         effects
             .filter_map(|(id, values)| {
                 let effect = catalogue::find(id)?;
-                (values.len() == effect.parameters.len()).then(|| Member { effect, values: values.clone() })
+                (values.len() == effect.parameters.len()).then(|| Member {
+                    effect,
+                    values: values.clone(),
+                })
             })
             .collect()
     }
@@ -201,21 +214,34 @@ pub struct Study<'c> {
 pub fn diagnose<'c>(campaign: &'c Campaign, without: &[String]) -> Result<Study<'c>, Error> {
     if let Some(unknown) = without.iter().find(|id| catalogue::find(id).is_none()) {
         let known: Vec<&str> = catalogue::catalogue().map(|effect| effect.id).collect();
-        return Err(Error::Usage(format!("--without {unknown}: no effect of the catalogue ({})", known.join(", "))));
+        return Err(Error::Usage(format!(
+            "--without {unknown}: no effect of the catalogue ({})",
+            known.join(", ")
+        )));
     }
-    let effects: Vec<&'static Effect> =
-        catalogue::catalogue().filter(|effect| !without.iter().any(|id| id == effect.id)).collect();
+    let effects: Vec<&'static Effect> = catalogue::catalogue()
+        .filter(|effect| !without.iter().any(|id| id == effect.id))
+        .collect();
     let mut problem = Problem::new(campaign, &[]);
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
     let search = problem.search(&effects).ok_or_else(undetermined)?;
     let diagnosis = conclude(campaign, &problem, &search);
-    Ok(Study { diagnosis, problem, search })
+    Ok(Study {
+        diagnosis,
+        problem,
+        search,
+    })
 }
 
 fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diagnosis {
     let best = &search.hypotheses[0];
-    let null_probability = search.hypotheses.iter().find(|h| h.fit.members.is_empty()).map_or(0.0, |h| h.probability);
-    let nothing = best.fit.members.is_empty() || best.probability < STANDING_ODDS * null_probability;
+    let null_probability = search
+        .hypotheses
+        .iter()
+        .find(|h| h.fit.members.is_empty())
+        .map_or(0.0, |h| h.probability);
+    let nothing =
+        best.fit.members.is_empty() || best.probability < STANDING_ODDS * null_probability;
     let verdict = match (search.unexplained, nothing) {
         (true, _) => Verdict::Unexplained,
         (false, true) => Verdict::NoGap,
@@ -228,27 +254,50 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
     if verdict == Verdict::NoGap {
         ranked.sort_by_key(|h| !h.fit.members.is_empty());
     }
-    let rest = if verdict == Verdict::Unexplained { UNEXPLAINED_REST } else { 1.0 };
+    let rest = if verdict == Verdict::Unexplained {
+        UNEXPLAINED_REST
+    } else {
+        1.0
+    };
     let class: Vec<String> = match verdict {
-        Verdict::Ambiguous => standing(search)[1..].iter().take(CLASS).map(|h| name(&h.fit)).collect(),
+        Verdict::Ambiguous => standing(search)[1..]
+            .iter()
+            .take(CLASS)
+            .map(|h| name(&h.fit))
+            .collect(),
         _ => Vec::new(),
     };
-    let which = ranked.iter().enumerate().filter(|(k, h)| *k == 0 || h.probability >= LISTED).map(|(k, h)| Which {
-        effects: h.fit.members.iter().map(|m| m.effect.id.into()).collect(),
-        probability: h.probability * rest,
-        parameters: parameters(problem, &h.fit),
-        indistinguishable_from: if k == 0 { class.clone() } else { Vec::new() },
-        fitted: h.fit.members.iter().map(|m| m.values.clone()).collect(),
-    });
+    let which = ranked
+        .iter()
+        .enumerate()
+        .filter(|(k, h)| *k == 0 || h.probability >= LISTED)
+        .map(|(k, h)| Which {
+            effects: h.fit.members.iter().map(|m| m.effect.id.into()).collect(),
+            probability: h.probability * rest,
+            parameters: parameters(problem, &h.fit),
+            indistinguishable_from: if k == 0 { class.clone() } else { Vec::new() },
+            fitted: h.fit.members.iter().map(|m| m.values.clone()).collect(),
+        });
     let which: Vec<Which> = which.take(8).collect();
     let shown = ranked[0];
     let (observables, conditions) = problem.locate(&shown.fit);
     let stages = Stage::ALL.iter().map(|&stage| {
         let of_stage = |h: &&Hypothesis| h.fit.members.iter().any(|m| m.effect.stage == stage);
-        let probability: f64 = search.hypotheses.iter().filter(of_stage).map(|h| h.probability).sum();
-        StageProbability { stage, probability: probability * rest }
+        let probability: f64 = search
+            .hypotheses
+            .iter()
+            .filter(of_stage)
+            .map(|h| h.probability)
+            .sum();
+        StageProbability {
+            stage,
+            probability: probability * rest,
+        }
     });
-    let observed: usize = super::adequacy::OBSERVABLES.iter().map(|(b, _)| problem.observed_rows(*b).count()).sum();
+    let observed: usize = super::adequacy::OBSERVABLES
+        .iter()
+        .map(|(b, _)| problem.observed_rows(*b).count())
+        .sum();
     let chi2: f64 = search.null_adequacy.observables.iter().map(|o| o.0).sum();
     let freedom: f64 = search.null_adequacy.observables.iter().map(|o| o.1).sum();
     let shrink = problem.shrink(&search.null, &shown.fit);
@@ -257,14 +306,26 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
         serial: campaign.config.instrument.serial.clone(),
         verdict,
         gap: Gap {
-            rms_over_noise: if observed > 0 { (chi2 / freedom.max(1.0)).sqrt() } else { 0.0 },
+            rms_over_noise: if observed > 0 {
+                (chi2 / freedom.max(1.0)).sqrt()
+            } else {
+                0.0
+            },
             p_value: search.null_adequacy.p_value,
         },
-        location: Where { observables, stages: stages.collect(), conditions },
+        location: Where {
+            observables,
+            stages: stages.collect(),
+            conditions,
+        },
         which,
         shrink,
         next_tests: problem.next_tests(campaign, search, verdict),
-        identification: if verdict == Verdict::NoGap { shrink.and_then(|s| identification(problem, s)) } else { None },
+        identification: if verdict == Verdict::NoGap {
+            shrink.and_then(|s| identification(problem, s))
+        } else {
+            None
+        },
         similarity: similarity(problem, search),
         not_looked_at: not_looked_at(campaign),
     }
@@ -273,14 +334,19 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
 /// Hypotheses that the data leave standing, best first.
 pub fn standing(search: &Search) -> Vec<&Hypothesis> {
     let best = search.hypotheses[0].probability;
-    let stands = |h: &&Hypothesis| h.probability * STANDING_ODDS > best && !h.fit.members.is_empty();
+    let stands =
+        |h: &&Hypothesis| h.probability * STANDING_ODDS > best && !h.fit.members.is_empty();
     search.hypotheses.iter().filter(stands).collect()
 }
 
 /// Effects of a fit joined by `+`.
 pub fn name(fit: &Fit) -> String {
     let names: Vec<&str> = fit.members.iter().map(|m| m.effect.id).collect();
-    if names.is_empty() { "none".into() } else { names.join("+") }
+    if names.is_empty() {
+        "none".into()
+    } else {
+        names.join("+")
+    }
 }
 
 /// What of a fit's parameters is reported.
@@ -291,7 +357,9 @@ fn parameters(problem: &Problem<'_>, fit: &Fit) -> Vec<ParameterEstimate> {
         let index = |k: usize| Some(NOMINAL + fit.unknowns.iter().position(|&u| u == (m, k))?);
         // Derivative of a value by its unknown, which may be the value's logarithm.
         let slope = |k: usize| match effect.parameters[k].role {
-            Role::Curved { logarithmic: true, .. } => values[k],
+            Role::Curved {
+                logarithmic: true, ..
+            } => values[k],
             _ => 1.0,
         };
         let covariance = |i: usize, j: usize| match (index(i), index(j)) {
@@ -299,7 +367,12 @@ fn parameters(problem: &Problem<'_>, fit: &Fit) -> Vec<ParameterEstimate> {
             _ => 0.0,
         };
         let mut put = |name: &str, value: f64, sigma: f64| {
-            estimates.push(ParameterEstimate { effect: effect.id.into(), name: name.into(), value, sigma });
+            estimates.push(ParameterEstimate {
+                effect: effect.id.into(),
+                name: name.into(),
+                value,
+                sigma,
+            });
         };
         if let Some((names, report)) = effect.report {
             let reported = report(values);
@@ -308,7 +381,11 @@ fn parameters(problem: &Problem<'_>, fit: &Fit) -> Vec<ParameterEstimate> {
                     let mut moved = values.clone();
                     let step = 1e-6 * values[k].abs().max(1e-9);
                     moved[k] += step;
-                    report(&moved).iter().zip(&reported).map(|(a, b)| (a - b) / step).collect()
+                    report(&moved)
+                        .iter()
+                        .zip(&reported)
+                        .map(|(a, b)| (a - b) / step)
+                        .collect()
                 })
                 .collect();
             for (r, (name, value)) in names.iter().zip(&reported).enumerate() {
@@ -322,7 +399,12 @@ fn parameters(problem: &Problem<'_>, fit: &Fit) -> Vec<ParameterEstimate> {
             }
             continue;
         }
-        for (k, parameter) in effect.parameters.iter().enumerate().filter(|(_, p)| !p.name.starts_with('_')) {
+        for (k, parameter) in effect
+            .parameters
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| !p.name.starts_with('_'))
+        {
             match parameter.role {
                 Role::Stepped { .. } => {
                     let (value, sigma) = problem.stepped(fit, m, k);
@@ -340,7 +422,12 @@ fn parameters(problem: &Problem<'_>, fit: &Fit) -> Vec<ParameterEstimate> {
 }
 
 fn similarity(problem: &Problem<'_>, search: &Search) -> Option<Similarity> {
-    let shown: Vec<&Hypothesis> = search.hypotheses.iter().filter(|h| !h.fit.members.is_empty()).take(8).collect();
+    let shown: Vec<&Hypothesis> = search
+        .hypotheses
+        .iter()
+        .filter(|h| !h.fit.members.is_empty())
+        .take(8)
+        .collect();
     if shown.is_empty() {
         return None;
     }
@@ -354,14 +441,25 @@ fn similarity(problem: &Problem<'_>, search: &Search) -> Option<Similarity> {
 
 /// Why the static prediction misses though nothing acts.
 fn identification(problem: &Problem<'_>, shrink: Shrink) -> Option<IdentificationCause> {
-    let [statics, refit, floor] =
-        [shrink.held_out_rms_static_only_g, shrink.held_out_rms_refit_g, shrink.noise_floor_rms_g].map(|rms| rms * rms);
+    let [statics, refit, floor] = [
+        shrink.held_out_rms_static_only_g,
+        shrink.held_out_rms_refit_g,
+        shrink.noise_floor_rms_g,
+    ]
+    .map(|rms| rms * rms);
     if statics < 2.0 * refit.max(floor) {
         return None;
     }
-    let cause = if problem.static_plan_is_blind() { "plan-blindness" } else { "dial-noise" };
+    let cause = if problem.static_plan_is_blind() {
+        "plan-blindness"
+    } else {
+        "dial-noise"
+    };
     let share = ((statics - refit) / (statics - floor)).clamp(0.0, 1.0);
-    Some(IdentificationCause { cause: cause.into(), share })
+    Some(IdentificationCause {
+        cause: cause.into(),
+        share,
+    })
 }
 
 fn not_looked_at(campaign: &Campaign) -> Vec<String> {
@@ -377,9 +475,15 @@ fn not_looked_at(campaign: &Campaign) -> Vec<String> {
     if made.clone().all(|run| run.reference.is_none()) {
         notes.push("no reference accelerometer: what the table really did, and the shape of random records".into());
     } else if campaign.config.shaker.is_none() {
-        notes.push("campaign.toml has no [shaker]: the reference's rms is not compared with the command".into());
+        notes.push(
+            "campaign.toml has no [shaker]: the reference's rms is not compared with the command"
+                .into(),
+        );
     }
-    if made.clone().all(|run| run.measured.is_none_or(|m| m.extremes.is_none())) {
+    if made
+        .clone()
+        .all(|run| run.measured.is_none_or(|m| m.extremes.is_none()))
+    {
         notes.push("no extremes of the output: clipping, and the amplitude at the instrument, only through the means".into());
     }
     notes
@@ -388,8 +492,14 @@ fn not_looked_at(campaign: &Campaign) -> Vec<String> {
 impl Problem<'_> {
     /// Whether the static readings leave a direction of the coefficients to the prior.
     fn static_plan_is_blind(&self) -> bool {
-        let design = self.situation.readings.iter().map(|r| shared::model::terms(r.specific_force_g));
-        let mut distinct: Vec<i64> = design.map(|terms| (terms[2] * 1e4).round() as i64).collect();
+        let design = self
+            .situation
+            .readings
+            .iter()
+            .map(|r| shared::model::terms(r.specific_force_g));
+        let mut distinct: Vec<i64> = design
+            .map(|terms| (terms[2] * 1e4).round() as i64)
+            .collect();
         distinct.sort_unstable();
         distinct.dedup();
         // Four even functions of a_I need four values of |a_I|.
@@ -417,13 +527,16 @@ impl Problem<'_> {
     /// Size of a scatter with its uncertainty, from the runs' residuals.
     fn scattered(&self, fit: &Fit, m: usize) -> (f64, f64) {
         let value = fit.members[m].values[0];
-        let super::catalogue::Action::Scatters(scatter) = fit.members[m].effect.action else { return (value, 0.0) };
+        let super::catalogue::Action::Scatters(scatter) = fit.members[m].effect.action else {
+            return (value, 0.0);
+        };
         let start = self.range(Block::During).start;
         // Of runs whose scatter stands out of the noise: each tells the logarithm of the size to 1/sqrt 2.
         let runs = self.situation.runs.iter().enumerate();
         let telling: f64 = runs
             .map(|(row, run)| {
-                let added = scatter(&fit.members[m].values, run, &self.situation) * self.weights[start + row].powi(2);
+                let added = scatter(&fit.members[m].values, run, &self.situation)
+                    * self.weights[start + row].powi(2);
                 (added / (1.0 + added)).powi(2)
             })
             .sum();

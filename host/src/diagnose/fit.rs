@@ -62,14 +62,18 @@ struct Parts {
 /// Internal scale of a curved parameter.
 fn inner(role: Role, value: f64) -> f64 {
     match role {
-        Role::Curved { logarithmic: true, .. } => value.ln(),
+        Role::Curved {
+            logarithmic: true, ..
+        } => value.ln(),
         _ => value,
     }
 }
 
 fn outer(role: Role, inner: f64) -> f64 {
     match role {
-        Role::Curved { logarithmic: true, .. } => inner.exp(),
+        Role::Curved {
+            logarithmic: true, ..
+        } => inner.exp(),
         _ => inner,
     }
 }
@@ -85,11 +89,15 @@ fn range(role: Role) -> Option<(f64, f64)> {
 
 /// The grid of a parameter's starts; of one in proportion, 1.
 pub fn starts(role: Role) -> Vec<f64> {
-    let (Some((from, to)), Role::Curved { points, .. } | Role::Stepped { points, .. }) = (range(role), role) else {
+    let (Some((from, to)), Role::Curved { points, .. } | Role::Stepped { points, .. }) =
+        (range(role), role)
+    else {
         return vec![1.0];
     };
     let step = (to - from) / points as f64;
-    (0..points).map(|k| outer(role, from + (k as f64 + 0.5) * step)).collect()
+    (0..points)
+        .map(|k| outer(role, from + (k as f64 + 0.5) * step))
+        .collect()
 }
 
 /// Every combination of the starts of an effect's parameters.
@@ -108,7 +116,10 @@ pub fn grid(effect: &'static Effect) -> Vec<Member> {
             })
             .collect();
     }
-    members.into_iter().map(|values| Member { effect, values }).collect()
+    members
+        .into_iter()
+        .map(|values| Member { effect, values })
+        .collect()
 }
 
 /// A solved linear problem.
@@ -121,7 +132,13 @@ struct Solution {
 impl Problem<'_> {
     fn parts(&self, members: &[Member]) -> Parts {
         let s = &self.situation;
-        let mut parts = Parts { nominal: None, motions: None, linear: Vec::new(), offset: None, variance: vec![0.0; self.run_count()] };
+        let mut parts = Parts {
+            nominal: None,
+            motions: None,
+            linear: Vec::new(),
+            offset: None,
+            variance: vec![0.0; self.run_count()],
+        };
         let mut offset = None;
         for Member { effect, values } in members {
             match effect.action {
@@ -150,7 +167,10 @@ impl Problem<'_> {
         }
         if let Some(motions) = &parts.motions {
             parts.nominal = Some(self.redesign(motions));
-            if members.iter().any(|m| matches!(m.effect.action, Action::Moves(_, Seen::ByReference))) {
+            if members
+                .iter()
+                .any(|m| matches!(m.effect.action, Action::Moves(_, Seen::ByReference)))
+            {
                 let change = offset.get_or_insert_with(|| self.no_change());
                 let mut seen = s.motions.clone();
                 for Member { effect, values } in members {
@@ -166,12 +186,20 @@ impl Problem<'_> {
                     let rms = (1.0 + h * h).sqrt();
                     for axis in 0..3 {
                         let ratio = motion.amplitude_g[axis] / run.level_g * rms;
-                        change.add(Block::Reference, 3 * row + axis, ratio - run.direction[axis]);
+                        change.add(
+                            Block::Reference,
+                            3 * row + axis,
+                            ratio - run.direction[axis],
+                        );
                     }
                     // M[(sin x - h cos 2x)^3] = 3h/4, M[..^4] = 3/8 (1 + 4 h^2 + h^4), over the rms value's powers.
                     let (h2, power) = (h * h, 0.5 * (1.0 + h * h));
                     change.add(Block::Shape, 2 * row, 0.75 * h / power.powf(1.5));
-                    change.add(Block::Shape, 2 * row + 1, 0.375 * (1.0 + 4.0 * h2 + h2 * h2) / (power * power) - 1.5);
+                    change.add(
+                        Block::Shape,
+                        2 * row + 1,
+                        0.375 * (1.0 + 4.0 * h2 + h2 * h2) / (power * power) - 1.5,
+                    );
                 }
             }
         }
@@ -195,7 +223,12 @@ impl Problem<'_> {
             let rows = self.range(block);
             let (x, y) = (&a.values[rows.clone()], &b.values[rows]);
             sum += match block {
-                Block::During => x.iter().zip(y).zip(trust).map(|((x, y), t)| x * y * t).sum::<f64>(),
+                Block::During => x
+                    .iter()
+                    .zip(y)
+                    .zip(trust)
+                    .map(|((x, y), t)| x * y * t)
+                    .sum::<f64>(),
                 _ => inner_product(x, y),
             };
         }
@@ -203,7 +236,13 @@ impl Problem<'_> {
     }
 
     /// Least squares over columns with the coefficients' prior on the first ones and `precision` on the others.
-    fn solve(&self, columns: &[&Column], precision: &[f64], observed: &Column, trust: &[f64]) -> Option<Solution> {
+    fn solve(
+        &self,
+        columns: &[&Column],
+        precision: &[f64],
+        observed: &Column,
+        trust: &[f64],
+    ) -> Option<Solution> {
         let n = columns.len();
         let mut matrix = vec![0.0; n * n];
         let mut x = vec![0.0; n];
@@ -214,7 +253,11 @@ impl Problem<'_> {
                 matrix[j * n + i] = value;
             }
             x[i] = self.dot(columns[i], observed, trust);
-            matrix[i * n + i] += if i < NOMINAL { self.prior_precision[i] } else { precision[i - NOMINAL] };
+            matrix[i * n + i] += if i < NOMINAL {
+                self.prior_precision[i]
+            } else {
+                precision[i - NOMINAL]
+            };
         }
         // K1's prior is about 1, in units of the scale factor.
         x[0] += self.prior_precision[0];
@@ -223,19 +266,32 @@ impl Problem<'_> {
         factor.solve(&mut x);
         let explained: f64 = x.iter().zip(&right).map(|(x, r)| x * r).sum();
         let objective = self.dot(observed, observed, trust) + self.prior_precision[0] - explained;
-        Some(Solution { x, objective, factor })
+        Some(Solution {
+            x,
+            objective,
+            factor,
+        })
     }
 
     /// -2 log likelihood of members at their values, all in proportion solved for.
     pub fn profile(&self, members: &[Member], trust: &[f64]) -> f64 {
         let parts = self.parts(members);
-        self.solve_parts(members, &parts, trust).map_or(f64::INFINITY, |solution| solution.objective)
+        self.solve_parts(members, &parts, trust)
+            .map_or(f64::INFINITY, |solution| solution.objective)
     }
 
     fn solve_parts(&self, members: &[Member], parts: &Parts, trust: &[f64]) -> Option<Solution> {
         let nominal = parts.nominal.as_deref().unwrap_or(&self.nominal);
-        let columns: Vec<&Column> = nominal.iter().chain(parts.linear.iter().map(|(c, _)| c)).collect();
-        self.solve(&columns, &linear_precision(members), &self.less(parts.offset.as_ref()), trust)
+        let columns: Vec<&Column> = nominal
+            .iter()
+            .chain(parts.linear.iter().map(|(c, _)| c))
+            .collect();
+        self.solve(
+            &columns,
+            &linear_precision(members),
+            &self.less(parts.offset.as_ref()),
+            trust,
+        )
     }
 
     fn less(&self, offset: Option<&Column>) -> Column {
@@ -250,7 +306,10 @@ impl Problem<'_> {
 
     /// Prediction of the members' part (and of the nominal one, if motion is changed), whitened.
     fn predicted(&self, parts: &Parts, x: &[f64]) -> Vec<f64> {
-        let mut sum = parts.offset.as_ref().map_or_else(|| vec![0.0; self.weights.len()], |o| o.values.clone());
+        let mut sum = parts
+            .offset
+            .as_ref()
+            .map_or_else(|| vec![0.0; self.weights.len()], |o| o.values.clone());
         let nominal = parts.nominal.iter().flatten().zip(x);
         for (column, x) in nominal.chain(parts.linear.iter().map(|(c, _)| c).zip(&x[NOMINAL..])) {
             for (s, v) in sum.iter_mut().zip(&column.values) {
@@ -274,16 +333,29 @@ impl Problem<'_> {
         let mut solution = self.solve_parts(&members, &parts, &trust)?;
         let mut derivatives: Vec<Column> = Vec::new();
         for round in 0..rounds {
-            let steps = if curved.is_empty() { 0 } else if round == 0 { 30 } else { 8 };
+            let steps = if curved.is_empty() {
+                0
+            } else if round == 0 {
+                30
+            } else {
+                8
+            };
             for _ in 0..steps {
                 derivatives = self.derivatives(&members, &parts, &solution.x, &curved);
-                let Some(direction) = self.direction(&members, &parts, &derivatives, &curved, &trust) else { break };
-                let better = [1.0, 0.3, 0.1, 0.03, 0.01].into_iter().find_map(|fraction| {
-                    let candidate = moved(&members, &curved, &direction, fraction);
-                    let parts = self.parts(&candidate);
-                    let better = self.solve_parts(&candidate, &parts, &trust)?;
-                    (better.objective < solution.objective).then_some((candidate, parts, better))
-                });
+                let Some(direction) =
+                    self.direction(&members, &parts, &derivatives, &curved, &trust)
+                else {
+                    break;
+                };
+                let better = [1.0, 0.3, 0.1, 0.03, 0.01]
+                    .into_iter()
+                    .find_map(|fraction| {
+                        let candidate = moved(&members, &curved, &direction, fraction);
+                        let parts = self.parts(&candidate);
+                        let better = self.solve_parts(&candidate, &parts, &trust)?;
+                        (better.objective < solution.objective)
+                            .then_some((candidate, parts, better))
+                    });
                 let Some(better) = better else { break };
                 let gained = solution.objective - better.2.objective;
                 (members, parts, solution) = better;
@@ -303,11 +375,25 @@ impl Problem<'_> {
         if !curved.is_empty() {
             derivatives = self.derivatives(&members, &parts, &solution.x, &curved);
         }
-        self.finish(members, parts, solution, derivatives, curved, trust, log_variance)
+        self.finish(
+            members,
+            parts,
+            solution,
+            derivatives,
+            curved,
+            trust,
+            log_variance,
+        )
     }
 
     /// Columns of the derivatives by the curved parameters on their internal scale.
-    fn derivatives(&self, members: &[Member], parts: &Parts, x: &[f64], curved: &[(usize, usize)]) -> Vec<Column> {
+    fn derivatives(
+        &self,
+        members: &[Member],
+        parts: &Parts,
+        x: &[f64],
+        curved: &[(usize, usize)],
+    ) -> Vec<Column> {
         let mut touched = vec![0u16; curved.len()];
         let columns: Vec<Vec<f64>> = curved
             .iter()
@@ -322,11 +408,18 @@ impl Problem<'_> {
                 let mut moved = members.to_vec();
                 moved[m].values[k] = outer(role, t + h);
                 let difference = |now: &[f64], then: &[f64]| {
-                    now.iter().zip(then).map(|(now, then)| (then - now) / h).collect::<Vec<_>>()
+                    now.iter()
+                        .zip(then)
+                        .map(|(now, then)| (then - now) / h)
+                        .collect::<Vec<_>>()
                 };
                 touched[index] = u16::MAX;
                 if alone {
-                    let before: usize = NOMINAL + members[..m].iter().map(|m| m.effect.linear()).sum::<usize>();
+                    let before: usize = NOMINAL
+                        + members[..m]
+                            .iter()
+                            .map(|m| m.effect.linear())
+                            .sum::<usize>();
                     let own = before..before + members[m].effect.linear();
                     let mut weights = vec![0.0; NOMINAL];
                     weights.extend_from_slice(&x[own]);
@@ -334,15 +427,25 @@ impl Problem<'_> {
                     let then = self.predicted(&self.parts(&moved[m..=m]), &weights);
                     difference(&now, &then)
                 } else {
-                    difference(&self.predicted(parts, x), &self.predicted(&self.parts(&moved), x))
+                    difference(
+                        &self.predicted(parts, x),
+                        &self.predicted(&self.parts(&moved), x),
+                    )
                 }
             })
             .collect();
-        columns.into_iter().map(|values| self.column(values)).collect()
+        columns
+            .into_iter()
+            .map(|values| self.column(values))
+            .collect()
     }
 
     /// At given members and coefficients: what each unknown does, the whole prediction, the variance of `during`.
-    pub(super) fn tangent(&self, members: &[Member], theta: &[f64; NOMINAL]) -> (Vec<Column>, Vec<f64>, Vec<f64>) {
+    pub(super) fn tangent(
+        &self,
+        members: &[Member],
+        theta: &[f64; NOMINAL],
+    ) -> (Vec<Column>, Vec<f64>, Vec<f64>) {
         let curved = curved(members);
         let parts = self.parts(members);
         let mut x = theta.to_vec();
@@ -354,7 +457,15 @@ impl Problem<'_> {
         let added = added_variance(&parts, &x);
         let linear = parts.linear.into_iter().map(|(column, _)| column);
         let nominal = parts.nominal.unwrap_or_else(|| self.nominal.clone());
-        (nominal.into_iter().chain(linear).chain(derivatives).collect(), prediction, added)
+        (
+            nominal
+                .into_iter()
+                .chain(linear)
+                .chain(derivatives)
+                .collect(),
+            prediction,
+            added,
+        )
     }
 
     /// The Gauss-Newton step of the curved parameters on their internal scale.
@@ -400,10 +511,13 @@ impl Problem<'_> {
                         let value = solution.x[NOMINAL + unknowns.len()];
                         member.values[k] = value;
                         unknowns.push((m, k));
-                        log_prior -= (std::f64::consts::PI * width * (1.0 + (value / width).powi(2))).ln();
+                        log_prior -=
+                            (std::f64::consts::PI * width * (1.0 + (value / width).powi(2))).ln();
                     }
                     Role::Stepped { points, .. } => log_prior -= 0.5 * (points as f64).ln(),
-                    Role::Curved { .. } if matches!(member.effect.action, Action::Scatters(_)) => log_prior -= 2.0,
+                    Role::Curved { .. } if matches!(member.effect.action, Action::Scatters(_)) => {
+                        log_prior -= 2.0
+                    }
                     Role::Curved { .. } => {}
                 }
             }
@@ -419,19 +533,26 @@ impl Problem<'_> {
         let residuals = self.residuals(&fitted, &trust);
         let linear = parts.linear.into_iter().map(|(column, _)| column);
         let nominal = parts.nominal.unwrap_or_else(|| self.nominal.clone());
-        let columns: Vec<Column> = nominal.into_iter().chain(linear).chain(derivatives).collect();
+        let columns: Vec<Column> = nominal
+            .into_iter()
+            .chain(linear)
+            .chain(derivatives)
+            .collect();
         let factor = if curved.is_empty() {
             solution.factor
         } else {
             let references: Vec<&Column> = columns.iter().collect();
-            self.solve(&references, &precision, &self.observed, &trust)?.factor
+            self.solve(&references, &precision, &self.observed, &trust)?
+                .factor
         };
         let objective = solution.objective + log_variance;
         let volume = unknowns.len() as f64 * std::f64::consts::TAU.ln() - factor.log_determinant();
         Some(Fit {
             log_evidence: 0.5 * (volume - objective) + log_prior,
             covariance: factor.inverse(),
-            motions: parts.motions.unwrap_or_else(|| self.situation.motions.clone()),
+            motions: parts
+                .motions
+                .unwrap_or_else(|| self.situation.motions.clone()),
             members,
             theta,
             objective,
@@ -456,7 +577,13 @@ impl Problem<'_> {
     }
 
     fn residuals(&self, fitted: &[f64], trust: &[f64]) -> Vec<f64> {
-        let mut residuals: Vec<f64> = self.observed.values.iter().zip(fitted).map(|(y, f)| y - f).collect();
+        let mut residuals: Vec<f64> = self
+            .observed
+            .values
+            .iter()
+            .zip(fitted)
+            .map(|(y, f)| y - f)
+            .collect();
         for (residual, trust) in residuals[self.range(Block::During)].iter_mut().zip(trust) {
             *residual *= trust.sqrt();
         }
@@ -504,7 +631,12 @@ fn inner_product(x: &[f64], y: &[f64]) -> f64 {
 }
 
 /// The members a fraction of a step further, within the parameters' ranges.
-fn moved(members: &[Member], curved: &[(usize, usize)], direction: &[f64], fraction: f64) -> Vec<Member> {
+fn moved(
+    members: &[Member],
+    curved: &[(usize, usize)],
+    direction: &[f64],
+    fraction: f64,
+) -> Vec<Member> {
     let mut members = members.to_vec();
     for (&(m, k), step) in curved.iter().zip(direction) {
         let role = members[m].effect.parameters[k].role;
@@ -518,7 +650,10 @@ fn moved(members: &[Member], curved: &[(usize, usize)], direction: &[f64], fract
 }
 
 fn linear_precision(members: &[Member]) -> Vec<f64> {
-    let roles = members.iter().flat_map(|m| m.effect.parameters).map(|p| p.role);
+    let roles = members
+        .iter()
+        .flat_map(|m| m.effect.parameters)
+        .map(|p| p.role);
     roles
         .filter_map(|role| match role {
             // The Cauchy prior is counted at the fit; this keeps what no observation sees from running away.

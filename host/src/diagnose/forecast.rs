@@ -12,21 +12,35 @@ use crate::quantity::Quantity;
 ///
 /// # Errors
 /// The campaign does not determine the model.
-pub fn predict_with_effects(campaign: &Campaign, diagnosis: &Diagnosis, runs: &[Run]) -> Result<Vec<Quantity>, Error> {
+pub fn predict_with_effects(
+    campaign: &Campaign,
+    diagnosis: &Diagnosis,
+    runs: &[Run],
+) -> Result<Vec<Quantity>, Error> {
     // A run of the campaign itself must not act twice.
-    let new: Vec<Run> = runs.iter().filter(|run| !campaign.runs.iter().any(|own| same(own, run))).cloned().collect();
+    let new: Vec<Run> = runs
+        .iter()
+        .filter(|run| !campaign.runs.iter().any(|own| same(own, run)))
+        .cloned()
+        .collect();
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
     let mut problem = Problem::new(campaign, &new);
     let null = problem.fit_nominal().ok_or_else(undetermined)?;
     let mut fit = null;
     for _ in 0..2 {
         problem.situation.coefficients = super::fit::nominal(&fit.theta);
-        fit = problem.fit(diagnosis.members(), &fit.trust, 3).ok_or_else(undetermined)?;
+        fit = problem
+            .fit(diagnosis.members(), &fit.trust, 3)
+            .ok_or_else(undetermined)?;
     }
     let predictor = problem.unweighted();
     let errors = predictor.vibration_errors(&fit);
     let found = runs.iter().map(|run| {
-        let row = predictor.situation.runs.iter().position(|known| same(known, run));
+        let row = predictor
+            .situation
+            .runs
+            .iter()
+            .position(|known| same(known, run));
         row.map_or(Quantity::UNDETERMINED, |row| errors[row])
     });
     Ok(found.collect())
@@ -54,7 +68,10 @@ impl<'c> Problem<'c> {
         (0..self.run_count())
             .map(|row| {
                 let value = (values[during + row] - values[before + row]) / fit.theta[0];
-                let x: Vec<f64> = columns.iter().map(|c| c.values[during + row] - c.values[before + row]).collect();
+                let x: Vec<f64> = columns
+                    .iter()
+                    .map(|c| c.values[during + row] - c.values[before + row])
+                    .collect();
                 let mut variance = unseen[row];
                 if fit.covariance.len() == n * n {
                     for i in 0..n {
@@ -67,4 +84,3 @@ impl<'c> Problem<'c> {
             .collect()
     }
 }
-

@@ -49,8 +49,15 @@ impl Problem<'_> {
     /// The gap (observed less nominal part of `fit`, in units of noise) split by observable and by condition.
     pub fn locate(&self, fit: &Fit) -> (Vec<ObservableShare>, Vec<Condition>) {
         let gap = self.gap(fit);
-        let excess = Excess { rows: gap.iter().map(|z| z * z - 1.0).collect() };
-        let of = |block: Block| self.observed_rows(block).map(|row| excess.rows[row]).sum::<f64>().max(0.0);
+        let excess = Excess {
+            rows: gap.iter().map(|z| z * z - 1.0).collect(),
+        };
+        let of = |block: Block| {
+            self.observed_rows(block)
+                .map(|row| excess.rows[row])
+                .sum::<f64>()
+                .max(0.0)
+        };
         let total: f64 = OBSERVABLES.iter().map(|(block, _)| of(*block)).sum();
         let shares = OBSERVABLES.iter().map(|(block, name)| ObservableShare {
             name: (*name).into(),
@@ -75,31 +82,67 @@ impl Problem<'_> {
 
     /// Rows of a block that hold an observation.
     pub fn observed_rows(&self, block: Block) -> impl Iterator<Item = usize> + '_ {
-        self.range(block).filter(move |&row| block == Block::Static || self.weights[row] > 0.0)
+        self.range(block)
+            .filter(move |&row| block == Block::Static || self.weights[row] > 0.0)
     }
 
     fn conditions(&self, excess: &Excess) -> Vec<Condition> {
         let s = &self.situation;
-        let made: Vec<(usize, &Run)> = s.runs.iter().copied().enumerate().filter(|(_, run)| run.measured.is_some()).collect();
+        let made: Vec<(usize, &Run)> = s
+            .runs
+            .iter()
+            .copied()
+            .enumerate()
+            .filter(|(_, run)| run.measured.is_some())
+            .collect();
         let of_run = |row: usize| {
             let blocks = [Block::During, Block::Before, Block::After, Block::Drift];
-            blocks.iter().map(|block| excess.rows[self.range(*block).start + row]).sum::<f64>()
+            blocks
+                .iter()
+                .map(|block| excess.rows[self.range(*block).start + row])
+                .sum::<f64>()
         };
         let runs = Table {
             excess: made.iter().map(|(row, _)| of_run(*row)).collect(),
             numbers: made.iter().map(|(_, run)| run.run).collect(),
             factors: RUN_FACTORS
                 .iter()
-                .map(|(name, value)| (*name, made.iter().map(|(row, run)| value(*row, run)).collect()))
+                .map(|(name, value)| {
+                    (
+                        *name,
+                        made.iter().map(|(row, run)| value(*row, run)).collect(),
+                    )
+                })
                 .collect(),
         };
         let readings = Table {
-            excess: self.range(Block::Static).map(|row| excess.rows[row]).collect(),
+            excess: self
+                .range(Block::Static)
+                .map(|row| excess.rows[row])
+                .collect(),
             numbers: s.readings.iter().map(|reading| reading.order).collect(),
             factors: vec![
                 ("dial_deg", s.readings.iter().map(|r| r.dial_deg).collect()),
-                ("series", s.readings.iter().map(|r| f64::from(u8::from(r.series))).collect()),
-                ("approach", s.readings.iter().map(|r| if r.approach == Approach::Clockwise { 1.0 } else { 0.0 }).collect()),
+                (
+                    "series",
+                    s.readings
+                        .iter()
+                        .map(|r| f64::from(u8::from(r.series)))
+                        .collect(),
+                ),
+                (
+                    "approach",
+                    s.readings
+                        .iter()
+                        .map(|r| {
+                            if r.approach == Approach::Clockwise {
+                                1.0
+                            } else {
+                                0.0
+                            }
+                        })
+                        .collect(),
+                ),
             ],
         };
         let mut conditions = runs.regions();
@@ -111,7 +154,9 @@ impl Problem<'_> {
 type Factor = (&'static str, fn(usize, &Run) -> f64);
 
 const RUN_FACTORS: [Factor; 9] = [
-    ("frequency_hz", |_, run| (run.band_hz[0] * run.band_hz[1]).sqrt()),
+    ("frequency_hz", |_, run| {
+        (run.band_hz[0] * run.band_hz[1]).sqrt()
+    }),
     ("level_g", |_, run| run.level_g),
     ("direction_i", |_, run| run.direction[0].abs()),
     ("direction_p", |_, run| run.direction[1].abs()),
@@ -138,7 +183,11 @@ impl Table {
         if n < 4 || total < 4.0 * (2.0 * n as f64).sqrt() {
             return Vec::new();
         }
-        let binned: Vec<Binned> = self.factors.iter().filter_map(|(name, values)| Binned::new(name, values)).collect();
+        let binned: Vec<Binned> = self
+            .factors
+            .iter()
+            .filter_map(|(name, values)| Binned::new(name, values))
+            .collect();
         let mut chance: Vec<f64> = Vec::with_capacity(PERMUTATIONS);
         let mut shuffled = self.excess.clone();
         let mut state = 0x9e37_79b9_7f4a_7c15_u64;
@@ -165,7 +214,8 @@ impl Table {
                     factor: factor.name.into(),
                     low: values.clone().fold(f64::INFINITY, f64::min),
                     high: values.fold(f64::NEG_INFINITY, f64::max),
-                    share: (rows.iter().map(|&row| self.excess[row]).sum::<f64>() / total).clamp(0.0, 1.0),
+                    share: (rows.iter().map(|&row| self.excess[row]).sum::<f64>() / total)
+                        .clamp(0.0, 1.0),
                     runs: rows.iter().map(|&row| self.numbers[row]).collect(),
                     p_value,
                 };
@@ -204,7 +254,12 @@ impl<'v> Binned<'v> {
         for &b in &bin {
             counts[b] += 1.0;
         }
-        Some(Self { name, values, bin, counts })
+        Some(Self {
+            name,
+            values,
+            bin,
+            counts,
+        })
     }
 
     /// Score, first and last bin of the region whose share of the excess is most above its share of the rows.

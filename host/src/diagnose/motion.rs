@@ -176,12 +176,7 @@ impl Averages {
     }
 
     /// The time mean of `function` over a run with this motion.
-    pub fn mean(
-        &self,
-        run: &Run,
-        motion: &Motion,
-        function: impl Fn([f64; 3]) -> f64,
-    ) -> TimeMean {
+    pub fn mean(&self, run: &Run, motion: &Motion, function: impl Fn([f64; 3]) -> f64) -> TimeMean {
         let a0 = run.specific_force_g;
         let [i, p, o] = motion.amplitude_g;
         let at = |w: f64| function([a0.i + i * w, a0.p + p * w, a0.o + o * w]);

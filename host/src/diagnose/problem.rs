@@ -182,12 +182,20 @@ impl<'c> Problem<'c> {
                 let runs = situation.runs.iter().zip(&situation.motions);
                 runs.map(|(run, motion)| match run.kind {
                     VibrationKind::Sine => 0.0,
-                    VibrationKind::Random => situation.averages.mean(run, motion, |a| a[0].abs()).variance,
+                    VibrationKind::Random => {
+                        situation
+                            .averages
+                            .mean(run, motion, |a| a[0].abs())
+                            .variance
+                    }
                 })
                 .collect()
             },
             weights: vec![0.0; starts[BLOCKS.len()]],
-            observed: Column { values: vec![0.0; starts[BLOCKS.len()]], touched: u16::MAX },
+            observed: Column {
+                values: vec![0.0; starts[BLOCKS.len()]],
+                touched: u16::MAX,
+            },
             nominal: Vec::new(),
             prior_precision: PRIOR_SIGMA.map(|sigma| sigma.powi(-2)),
             situation,
@@ -212,7 +220,10 @@ impl<'c> Problem<'c> {
     /// A change of nothing.
     pub fn no_change(&self) -> Change {
         Change {
-            column: Column { values: vec![0.0; self.weights.len()], touched: 0 },
+            column: Column {
+                values: vec![0.0; self.weights.len()],
+                touched: 0,
+            },
             starts: self.starts,
             variance: vec![0.0; self.run_count()],
         }
@@ -221,7 +232,11 @@ impl<'c> Problem<'c> {
     /// A column of whitened values; blocks that are all zero count as not touched.
     pub fn column(&self, values: Vec<f64>) -> Column {
         let touches = |block: &&Block| values[self.range(**block)].iter().any(|&v| v != 0.0);
-        let touched = BLOCKS.iter().filter(touches).map(|&block| 1 << block as usize).sum();
+        let touched = BLOCKS
+            .iter()
+            .filter(touches)
+            .map(|&block| 1 << block as usize)
+            .sum();
         Column { values, touched }
     }
 
@@ -239,20 +254,37 @@ impl<'c> Problem<'c> {
             let mut row = &self.static_factor[..];
             for i in 0..first {
                 let (coefficients, rest) = row.split_at(i + 1);
-                let known: f64 = coefficients[..i].iter().zip(&*head).map(|(l, x)| l * x).sum();
+                let known: f64 = coefficients[..i]
+                    .iter()
+                    .zip(&*head)
+                    .map(|(l, x)| l * x)
+                    .sum();
                 head[i] = (head[i] - known) / coefficients[i];
                 row = rest;
             }
         }
-        for (value, weight) in column.values[first..].iter_mut().zip(&self.weights[first..]) {
+        for (value, weight) in column.values[first..]
+            .iter_mut()
+            .zip(&self.weights[first..])
+        {
             *value *= weight;
         }
     }
 
     /// The nominal model's columns, whitened, for runs with these motions.
     pub fn design(&self, motions: &[Motion]) -> Vec<Column> {
-        let still: Vec<_> = self.situation.readings.iter().map(|r| terms(r.specific_force_g)).collect();
-        let rest: Vec<_> = self.situation.runs.iter().map(|r| terms(r.specific_force_g)).collect();
+        let still: Vec<_> = self
+            .situation
+            .readings
+            .iter()
+            .map(|r| terms(r.specific_force_g))
+            .collect();
+        let rest: Vec<_> = self
+            .situation
+            .runs
+            .iter()
+            .map(|r| terms(r.specific_force_g))
+            .collect();
         let moving: Vec<_> = self.moving(motions);
         (0..NOMINAL)
             .map(|k| {
@@ -260,7 +292,9 @@ impl<'c> Problem<'c> {
                 for (row, terms) in still.iter().enumerate() {
                     change.add(Block::Static, row, terms[k]);
                 }
-                for (row, (terms, [during, maximum, minimum])) in rest.iter().zip(&moving).enumerate() {
+                for (row, (terms, [during, maximum, minimum])) in
+                    rest.iter().zip(&moving).enumerate()
+                {
                     change.add(Block::Before, row, terms[k]);
                     change.add(Block::After, row, terms[k]);
                     change.add(Block::During, row, terms[k] + during[k]);
@@ -275,11 +309,21 @@ impl<'c> Problem<'c> {
     /// The nominal columns with the rows that depend on motion exchanged.
     pub fn redesign(&self, motions: &[Motion]) -> Vec<Column> {
         let mut columns = self.nominal.clone();
-        let rows = [Block::Before, Block::During, Block::Maximum, Block::Minimum].map(|block| self.starts[block as usize]);
-        for (row, ([during, maximum, minimum], run)) in self.moving(motions).iter().zip(&self.situation.runs).enumerate() {
+        let rows = [Block::Before, Block::During, Block::Maximum, Block::Minimum]
+            .map(|block| self.starts[block as usize]);
+        for (row, ([during, maximum, minimum], run)) in self
+            .moving(motions)
+            .iter()
+            .zip(&self.situation.runs)
+            .enumerate()
+        {
             let rest = terms(run.specific_force_g);
             for (k, column) in columns.iter_mut().enumerate() {
-                for (start, value) in rows[1..].iter().zip([rest[k] + during[k], maximum[k], minimum[k]]) {
+                for (start, value) in
+                    rows[1..]
+                        .iter()
+                        .zip([rest[k] + during[k], maximum[k], minimum[k]])
+                {
                     column.values[start + row] = value * self.weights[start + row];
                 }
             }
@@ -297,7 +341,11 @@ impl<'c> Problem<'c> {
                 terms(SpecificForce::new(a0.i + i, a0.p + p, a0.o + o))
             };
             let [low, high] = motion.extremes();
-            let (low, high) = if motion.amplitude_g[0] < 0.0 { (high, low) } else { (low, high) };
+            let (low, high) = if motion.amplitude_g[0] < 0.0 {
+                (high, low)
+            } else {
+                (low, high)
+            };
             [motion.sensitivity(run), at(high), at(low)]
         })
         .collect()
@@ -310,10 +358,16 @@ impl<'c> Problem<'c> {
         for (row, reading) in self.situation.readings.iter().enumerate() {
             y.add(Block::Static, row, reading.output_v / scale);
         }
-        let relative = campaign.config.shaker.as_ref().map(|shaker| shaker.reference_rms_rel_sigma);
+        let relative = campaign
+            .config
+            .shaker
+            .as_ref()
+            .map(|shaker| shaker.reference_rms_rel_sigma);
         let start = self.starts;
         for (row, run) in self.situation.runs.iter().enumerate() {
-            let Some(measured) = run.measured else { continue };
+            let Some(measured) = run.measured else {
+                continue;
+            };
             let noise = measured.sigma_v / scale;
             let mut put = |block: Block, row: usize, value: f64, uncertainty: f64| {
                 y.add(block, row, value);
@@ -322,23 +376,49 @@ impl<'c> Problem<'c> {
             put(Block::Before, row, measured.before_v / scale, noise);
             put(Block::During, row, measured.during_v / scale, noise);
             put(Block::After, row, measured.after_v / scale, noise);
-            put(Block::Drift, row, measured.drift_v_per_s / scale, measured.drift_sigma_v_per_s / scale);
+            put(
+                Block::Drift,
+                row,
+                measured.drift_v_per_s / scale,
+                measured.drift_sigma_v_per_s / scale,
+            );
             let excursion = (run.direction[0] * run.level_g).abs();
-            if let (Some(extremes), VibrationKind::Sine, true) = (measured.extremes, run.kind, excursion > EXTREME_LEAST_G) {
+            if let (Some(extremes), VibrationKind::Sine, true) =
+                (measured.extremes, run.kind, excursion > EXTREME_LEAST_G)
+            {
                 let uncertainty = EXTREME_REL_SIGMA * excursion;
                 put(Block::Maximum, row, extremes.maximum_v / scale, uncertainty);
                 put(Block::Minimum, row, extremes.minimum_v / scale, uncertainty);
             }
-            let (Some(seen), Some(relative)) = (&run.reference, relative) else { continue };
-            let Some(ratios) = seen_ratios(run) else { continue };
+            let (Some(seen), Some(relative)) = (&run.reference, relative) else {
+                continue;
+            };
+            let Some(ratios) = seen_ratios(run) else {
+                continue;
+            };
             for axis in 0..3 {
                 let uncertainty = (relative * ratios[axis]).hypot(REFERENCE_SIGMA);
-                put(Block::Reference, 3 * row + axis, ratios[axis] - run.direction[axis], uncertainty);
+                put(
+                    Block::Reference,
+                    3 * row + axis,
+                    ratios[axis] - run.direction[axis],
+                    uncertainty,
+                );
             }
             if run.kind == VibrationKind::Sine {
                 let axis = main_axis(&run.direction);
-                put(Block::Shape, 2 * row, seen.skewness[axis] * run.direction[axis].signum(), SHAPE_SIGMA);
-                put(Block::Shape, 2 * row + 1, seen.kurtosis[axis] - 1.5, SHAPE_SIGMA);
+                put(
+                    Block::Shape,
+                    2 * row,
+                    seen.skewness[axis] * run.direction[axis].signum(),
+                    SHAPE_SIGMA,
+                );
+                put(
+                    Block::Shape,
+                    2 * row + 1,
+                    seen.kurtosis[axis] - 1.5,
+                    SHAPE_SIGMA,
+                );
             }
         }
         self.weights = sigma.iter().map(|sigma| sigma.recip()).collect();
@@ -349,9 +429,20 @@ impl<'c> Problem<'c> {
     }
 
     /// Variance of each run's `during` beside its noise, in units of the noise's: what of a random record nobody saw.
-    pub fn unseen_variance(&self, coefficients: &Coefficients<f64>, motions: &[Motion], added: &[f64]) -> Vec<f64> {
+    pub fn unseen_variance(
+        &self,
+        coefficients: &Coefficients<f64>,
+        motions: &[Motion],
+        added: &[f64],
+    ) -> Vec<f64> {
         let start = self.starts[Block::During as usize];
-        let runs = self.situation.runs.iter().zip(motions).zip(added).enumerate();
+        let runs = self
+            .situation
+            .runs
+            .iter()
+            .zip(motions)
+            .zip(added)
+            .enumerate();
         runs.map(|(row, ((run, motion), added))| {
             let spectral = match motion.power_variance {
                 0.0 => 0.0,
@@ -374,7 +465,12 @@ fn power_slope(run: &Run, motion: &Motion, coefficients: &Coefficients<f64>) -> 
         let mut motion = *motion;
         motion.scale(factor);
         let c = coefficients.to_nominal();
-        motion.sensitivity(run).iter().zip(c).map(|(s, c)| s * c).sum::<f64>()
+        motion
+            .sensitivity(run)
+            .iter()
+            .zip(c)
+            .map(|(s, c)| s * c)
+            .sum::<f64>()
     };
     (at(1.01) - at(0.99)) / 0.04
 }
@@ -407,7 +503,11 @@ pub fn seen_ratios(run: &Run) -> Option<[f64; 3]> {
 
 /// Mean square that the reference saw along the main axis over the command's, less 1; zero within four of its sigmas.
 fn power_excess(runs: &[&Run], kind: VibrationKind, campaign: &Campaign) -> f64 {
-    let relative = campaign.config.shaker.as_ref().map_or(0.0, |s| s.reference_rms_rel_sigma);
+    let relative = campaign
+        .config
+        .shaker
+        .as_ref()
+        .map_or(0.0, |s| s.reference_rms_rel_sigma);
     let of_kind = runs.iter().filter(|run| run.kind == kind);
     let excess: Vec<f64> = of_kind
         .filter_map(|run| {
@@ -423,10 +523,16 @@ fn power_excess(runs: &[&Run], kind: VibrationKind, campaign: &Campaign) -> f64 
 /// Largest magnitude of the vibration along IA: from the peak detector where there is one, g.
 fn peak_g(run: &Run, scale_v_per_g: f64) -> f64 {
     let commanded = (run.direction[0] * run.level_g).abs();
-    match (run.measured.and_then(|m| Some((m.before_v, m.extremes?))), run.kind) {
+    match (
+        run.measured.and_then(|m| Some((m.before_v, m.extremes?))),
+        run.kind,
+    ) {
         _ if commanded == 0.0 => 0.0,
         (Some((before, extremes)), _) => {
-            (extremes.maximum_v - before).abs().max((extremes.minimum_v - before).abs()) / scale_v_per_g
+            (extremes.maximum_v - before)
+                .abs()
+                .max((extremes.minimum_v - before).abs())
+                / scale_v_per_g
         }
         (None, VibrationKind::Sine) => commanded,
         // The expected maximum of some 1e4 independent values.
@@ -436,8 +542,14 @@ fn peak_g(run: &Run, scale_v_per_g: f64) -> f64 {
 
 /// K1 to some 1e-4 from all that stands still: enough to turn volts into g.
 fn scale_factor(campaign: &Campaign) -> f64 {
-    let readings = campaign.readings.iter().map(|r| (r.specific_force_g.i, r.output_v));
-    let runs = campaign.runs.iter().filter_map(|r| Some((r.specific_force_g.i, r.measured?.before_v)));
+    let readings = campaign
+        .readings
+        .iter()
+        .map(|r| (r.specific_force_g.i, r.output_v));
+    let runs = campaign
+        .runs
+        .iter()
+        .filter_map(|r| Some((r.specific_force_g.i, r.measured?.before_v)));
     let (mut n, mut a, mut u, mut aa, mut au) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for (force, output) in readings.chain(runs) {
         n += 1.0;
@@ -447,22 +559,38 @@ fn scale_factor(campaign: &Campaign) -> f64 {
         au += force * output;
     }
     let slope = (n * au - a * u) / (n * aa - a * a);
-    if slope.is_finite() && slope > 0.0 { slope } else { campaign.config.instrument.scale_factor_nominal_v_per_g }
+    if slope.is_finite() && slope > 0.0 {
+        slope
+    } else {
+        campaign.config.instrument.scale_factor_nominal_v_per_g
+    }
 }
 
 /// Cholesky factor of the covariance of the static readings in g^2.
 fn static_factor(campaign: &Campaign, scale_v_per_g: f64) -> Vec<f64> {
     let bench = &campaign.config.bench;
     let radians = |arcsec: f64| (arcsec * ARCSEC_RAD * bench.local_gravity_g).powi(2);
-    let (mark, repeat) = (radians(bench.dial_sigma_arcsec), radians(bench.dial_repeat_sigma_arcsec));
-    let (mount, level) = (radians(bench.mount_sigma_arcsec), radians(bench.level_sigma_arcsec));
+    let (mark, repeat) = (
+        radians(bench.dial_sigma_arcsec),
+        radians(bench.dial_repeat_sigma_arcsec),
+    );
+    let (mount, level) = (
+        radians(bench.mount_sigma_arcsec),
+        radians(bench.level_sigma_arcsec),
+    );
     let rows: Vec<_> = campaign
         .readings
         .iter()
         .map(|reading| {
             let tangent = reading.series.tangent(position(reading).phi_rad()).i;
             let lift = reading.series.lift::<f64>().i;
-            (tangent, lift, within_a_turn(reading.dial_deg), within_a_turn(reading.mount_deg), reading.series)
+            (
+                tangent,
+                lift,
+                within_a_turn(reading.dial_deg),
+                within_a_turn(reading.mount_deg),
+                reading.series,
+            )
         })
         .collect();
     let mut factor: Vec<f64> = Vec::with_capacity(rows.len() * (rows.len() + 1) / 2);
@@ -478,12 +606,21 @@ fn static_factor(campaign: &Campaign, scale_v_per_g: f64) -> Vec<f64> {
                 covariance += mount * a.0 * b.0;
             }
             if i == j {
-                covariance += (campaign.readings[i].sigma_v / scale_v_per_g).powi(2) + repeat * a.0 * a.0;
+                covariance +=
+                    (campaign.readings[i].sigma_v / scale_v_per_g).powi(2) + repeat * a.0 * a.0;
             }
             let row_j = j * (j + 1) / 2;
-            let dot: f64 = factor[start..start + j].iter().zip(&factor[row_j..row_j + j]).map(|(x, y)| x * y).sum();
+            let dot: f64 = factor[start..start + j]
+                .iter()
+                .zip(&factor[row_j..row_j + j])
+                .map(|(x, y)| x * y)
+                .sum();
             let left = covariance - dot;
-            let value = if i == j { left.max(1e-24).sqrt() } else { left / factor[row_j + j] };
+            let value = if i == j {
+                left.max(1e-24).sqrt()
+            } else {
+                left / factor[row_j + j]
+            };
             factor.push(value);
         }
     }

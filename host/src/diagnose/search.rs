@@ -63,13 +63,23 @@ impl Problem<'_> {
     pub fn search(&mut self, catalogue: &[&'static Effect]) -> Option<Search> {
         self.situation.coefficients = self.coefficients_at_rest()?;
         let null = self.fit_nominal()?;
-        let starts: Vec<Start> = catalogue.iter().flat_map(|effect| self.starts(effect)).collect();
+        let starts: Vec<Start> = catalogue
+            .iter()
+            .flat_map(|effect| self.starts(effect))
+            .collect();
         let mut singles = self.add_to(&null, catalogue, &starts);
         singles.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         let families = self.families();
         let null_adequacy = self.adequacy(&null, &families);
-        let gap_chi2 = null_adequacy.observables.iter().map(|(chi2, freedom)| chi2 - freedom).sum::<f64>().max(0.0);
-        let moved = singles.first().is_some_and(|best| best.log_evidence > null.log_evidence + WORTH);
+        let gap_chi2 = null_adequacy
+            .observables
+            .iter()
+            .map(|(chi2, freedom)| chi2 - freedom)
+            .sum::<f64>()
+            .max(0.0);
+        let moved = singles
+            .first()
+            .is_some_and(|best| best.log_evidence > null.log_evidence + WORTH);
         if moved {
             // The coefficients that effects look at, now that the largest bend is out of them.
             self.situation.coefficients = nominal(&singles[0].theta);
@@ -81,7 +91,11 @@ impl Problem<'_> {
         }
         let mut fits = singles;
         let judge = |fits: &[Fit], problem: &Self| {
-            let best = fits.iter().max_by(|a, b| problem.weigh(a, catalogue.len()).total_cmp(&problem.weigh(b, catalogue.len())));
+            let best = fits.iter().max_by(|a, b| {
+                problem
+                    .weigh(a, catalogue.len())
+                    .total_cmp(&problem.weigh(b, catalogue.len()))
+            });
             best.map(|best| problem.adequacy(best, &families))
         };
         let mut adequacy = judge(&fits, self).unwrap_or_else(|| null_adequacy.clone());
@@ -89,7 +103,10 @@ impl Problem<'_> {
             if !moved || !insufficient(&adequacy) {
                 break;
             }
-            let mut bases: Vec<&Fit> = fits.iter().filter(|fit| fit.members.len() == effects - 1).collect();
+            let mut bases: Vec<&Fit> = fits
+                .iter()
+                .filter(|fit| fit.members.len() == effects - 1)
+                .collect();
             bases.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
             bases.truncate(BASES);
             let mut larger: Vec<Fit> = Vec::new();
@@ -105,7 +122,10 @@ impl Problem<'_> {
             for base in bases {
                 offer(self.extend(base, catalogue, &starts));
             }
-            let best = larger.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence)).cloned();
+            let best = larger
+                .iter()
+                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+                .cloned();
             // A second look from the newest member: the first one may have stood in for two.
             if let Some(best) = best.filter(|best| best.members.len() == 2) {
                 let newest = best.members.last().cloned().into_iter().collect();
@@ -124,7 +144,14 @@ impl Problem<'_> {
             adequacy = judge(&fits, self).unwrap_or(adequacy);
         }
         fits.push(null.clone());
-        Some(self.conclude(null, null_adequacy, fits, gap_chi2, &families, catalogue.len()))
+        Some(self.conclude(
+            null,
+            null_adequacy,
+            fits,
+            gap_chi2,
+            &families,
+            catalogue.len(),
+        ))
     }
 
     /// Coefficients from all that stands still.
@@ -160,11 +187,22 @@ impl Problem<'_> {
         let mut best: Vec<(f64, Member)> = Vec::new();
         for start in starts {
             let effect = start.member.effect;
-            if base.members.iter().any(|member| std::ptr::eq(member.effect, effect)) {
+            if base
+                .members
+                .iter()
+                .any(|member| std::ptr::eq(member.effect, effect))
+            {
                 continue;
             }
             let gain = match effect.action {
-                Action::Adds(_) if start.columns.iter().all(|c| c.values.iter().all(|&v| v == 0.0)) => 0.0,
+                Action::Adds(_)
+                    if start
+                        .columns
+                        .iter()
+                        .all(|c| c.values.iter().all(|&v| v == 0.0)) =>
+                {
+                    0.0
+                }
                 Action::Adds(_) if effect.linear() > 0 => {
                     let columns: Vec<&Column> = start.columns.iter().collect();
                     self.gain(base, &columns, &residual, 1e8).0
@@ -176,7 +214,10 @@ impl Problem<'_> {
                 }
                 Action::Scatters(_) => self.scatter_gain(base, &start.member),
             };
-            match best.iter_mut().find(|(_, member)| std::ptr::eq(member.effect, effect)) {
+            match best
+                .iter_mut()
+                .find(|(_, member)| std::ptr::eq(member.effect, effect))
+            {
                 Some(known) if gain > known.0 => *known = (gain, start.member.clone()),
                 Some(_) => {}
                 None => best.push((gain, start.member.clone())),
@@ -190,19 +231,26 @@ impl Problem<'_> {
     fn add_to(&self, base: &Fit, catalogue: &[&'static Effect], starts: &[Start]) -> Vec<Fit> {
         let promising = self.promising(base, starts);
         debug_assert!(promising.len() <= catalogue.len());
-        promising.into_iter().filter_map(|(_, member)| self.refined(base, member)).collect()
+        promising
+            .into_iter()
+            .filter_map(|(_, member)| self.refined(base, member))
+            .collect()
     }
 
     /// The most promising further effects on top of a fit.
     fn extend(&self, base: &Fit, _: &[&'static Effect], starts: &[Start]) -> Vec<Fit> {
         let promising = self.promising(base, starts).into_iter().take(4);
-        promising.filter_map(|(_, member)| self.refined(base, member)).collect()
+        promising
+            .filter_map(|(_, member)| self.refined(base, member))
+            .collect()
     }
 
     fn refined(&self, base: &Fit, member: Member) -> Option<Fit> {
         let mut members = base.members.clone();
         members.push(member);
-        let scatters = members.iter().position(|m| matches!(m.effect.action, Action::Scatters(_)));
+        let scatters = members
+            .iter()
+            .position(|m| matches!(m.effect.action, Action::Scatters(_)));
         let mut fit = self.fit(members, &base.trust, 2)?;
         if let Some(index) = scatters {
             for _ in 0..3 {
@@ -216,11 +264,14 @@ impl Problem<'_> {
 
     /// Drop of -2 log likelihood by a scatter of `during`, at a fit's residuals.
     fn scatter_gain(&self, base: &Fit, member: &Member) -> f64 {
-        let Action::Scatters(scatter) = member.effect.action else { return 0.0 };
+        let Action::Scatters(scatter) = member.effect.action else {
+            return 0.0;
+        };
         let rows = self.range(Block::During);
         let mut gain = 0.0;
         for ((run, row), trust) in self.situation.runs.iter().zip(rows).zip(&base.trust) {
-            let added = scatter(&member.values, run, &self.situation) * self.weights[row].powi(2) * trust;
+            let added =
+                scatter(&member.values, run, &self.situation) * self.weights[row].powi(2) * trust;
             gain += base.residuals[row].powi(2) * added / (1.0 + added) - added.ln_1p();
         }
         gain
@@ -230,7 +281,9 @@ impl Problem<'_> {
     fn best_scatter(&self, fit: &Fit, index: usize) -> f64 {
         let mut bare = fit.clone();
         let member = bare.members.remove(index);
-        let Action::Scatters(scatter) = member.effect.action else { return member.values[0] };
+        let Action::Scatters(scatter) = member.effect.action else {
+            return member.values[0];
+        };
         let rows = self.range(Block::During);
         for ((run, row), trust) in self.situation.runs.iter().zip(rows).zip(&mut bare.trust) {
             let added = scatter(&member.values, run, &self.situation) * self.weights[row].powi(2);
@@ -238,11 +291,24 @@ impl Problem<'_> {
             bare.residuals[row] *= (without / *trust).sqrt();
             *trust = without;
         }
-        let gain = |gain: f64| self.scatter_gain(&bare, &Member { effect: member.effect, values: vec![gain] });
-        let Role::Curved { from, to, .. } = member.effect.parameters[0].role else { return member.values[0] };
+        let gain = |gain: f64| {
+            self.scatter_gain(
+                &bare,
+                &Member {
+                    effect: member.effect,
+                    values: vec![gain],
+                },
+            )
+        };
+        let Role::Curved { from, to, .. } = member.effect.parameters[0].role else {
+            return member.values[0];
+        };
         let steps = 200;
         let at = |step: i32| from * (to / from).powf(f64::from(step) / f64::from(steps));
-        (0..=steps).map(at).max_by(|a, b| gain(*a).total_cmp(&gain(*b))).unwrap_or(from)
+        (0..=steps)
+            .map(at)
+            .max_by(|a, b| gain(*a).total_cmp(&gain(*b)))
+            .unwrap_or(from)
     }
 
     /// Logarithm of prior times evidence.
@@ -266,16 +332,24 @@ impl Problem<'_> {
     ) -> Search {
         let mut hypotheses: Vec<Hypothesis> = fits
             .into_iter()
-            .map(|fit| Hypothesis { log_weight: self.weigh(&fit, catalogue), fit, probability: 0.0 })
+            .map(|fit| Hypothesis {
+                log_weight: self.weigh(&fit, catalogue),
+                fit,
+                probability: 0.0,
+            })
             .collect();
         hypotheses.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
         let adequacy = self.adequacy(&hypotheses[0].fit, families);
-        let (chi2, freedom) = adequacy.observables.iter().fold((0.0, 0.0), |sum, o| (sum.0 + o.0, sum.1 + o.1));
+        let (chi2, freedom) = adequacy
+            .observables
+            .iter()
+            .fold((0.0, 0.0), |sum, o| (sum.0 + o.0, sum.1 + o.1));
         // Where even the best leaves more than noise, differences count for less.
         let temper = (chi2 / f64::max(freedom, 1.0)).max(1.0);
         let best = hypotheses[0].log_weight;
         let something_else = PRIOR_SOMETHING_ELSE.ln() + adequacy.log_something_else / temper;
-        let nothing_known = PRIOR_SOMETHING_ELSE.ln() + null.log_evidence + null_adequacy.log_something_else - best;
+        let nothing_known =
+            PRIOR_SOMETHING_ELSE.ln() + null.log_evidence + null_adequacy.log_something_else - best;
         let mut total = something_else.exp() + nothing_known.exp();
         for hypothesis in &mut hypotheses {
             hypothesis.probability = ((hypothesis.log_weight - best) / temper).exp();
@@ -285,8 +359,16 @@ impl Problem<'_> {
             hypothesis.probability /= total;
         }
         let large = adequacy.excess > TOLERATED_SHARE.powi(2) * gap_chi2;
-        let unexplained = large && (adequacy.p_value < MISFIT || something_else > 3.0 || nothing_known > 0.0);
-        Search { null, null_adequacy, hypotheses, adequacy, gap_chi2, unexplained }
+        let unexplained =
+            large && (adequacy.p_value < MISFIT || something_else > 3.0 || nothing_known > 0.0);
+        Search {
+            null,
+            null_adequacy,
+            hypotheses,
+            adequacy,
+            gap_chi2,
+            unexplained,
+        }
     }
 }
 

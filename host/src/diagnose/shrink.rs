@@ -28,12 +28,23 @@ impl Problem<'_> {
     pub fn shrink(&self, null: &Fit, fit: &Fit) -> Option<Shrink> {
         let measured = |run: &&Run| run.measured.is_some();
         let mut conditions: Vec<(VibrationKind, [f64; 2])> = Vec::new();
-        for run in self.situation.runs.iter().copied().filter(|run| measured(run)) {
+        for run in self
+            .situation
+            .runs
+            .iter()
+            .copied()
+            .filter(|run| measured(run))
+        {
             if !conditions.contains(&(run.kind, run.band_hz)) {
                 conditions.push((run.kind, run.band_hz));
             }
         }
-        let made = self.situation.runs.iter().filter(|run| measured(run)).count();
+        let made = self
+            .situation
+            .runs
+            .iter()
+            .filter(|run| measured(run))
+            .count();
         if made == 0 {
             return None;
         }
@@ -50,18 +61,27 @@ impl Problem<'_> {
             with += square;
             spread += variance;
             for &row in &fold {
-                let [during, before] = [Block::During, Block::Before].map(|block| self.range(block).start + row);
-                let predicted = (0..NOMINAL).map(|k| from_static[k] * self.vre_row(&self.nominal[k], row)).sum::<f64>();
-                let observed = self.observed.values[during] / self.weights[during] - self.observed.values[before] / self.weights[before];
+                let [during, before] =
+                    [Block::During, Block::Before].map(|block| self.range(block).start + row);
+                let predicted = (0..NOMINAL)
+                    .map(|k| from_static[k] * self.vre_row(&self.nominal[k], row))
+                    .sum::<f64>();
+                let observed = self.observed.values[during] / self.weights[during]
+                    - self.observed.values[before] / self.weights[before];
                 statics += (observed - predicted).powi(2);
-                floor += self.weights[before].powi(-2) + self.weights[during].powi(-2) / fit.trust[row];
+                floor +=
+                    self.weights[before].powi(-2) + self.weights[during].powi(-2) / fit.trust[row];
             }
         }
         let rms = |sum: f64| (sum / made as f64).sqrt();
         let above = |sum: f64| (sum - floor).max(0.0);
         // A good prediction is no better than its own uncertainty allows.
         let left = above(with).max(spread);
-        let closed = if fit.members.is_empty() || above(refit) <= 0.0 { 0.0 } else { 1.0 - (left / above(refit)).sqrt() };
+        let closed = if fit.members.is_empty() || above(refit) <= 0.0 {
+            0.0
+        } else {
+            1.0 - (left / above(refit)).sqrt()
+        };
         Some(Shrink {
             held_out_rms_static_only_g: rms(statics),
             held_out_rms_refit_g: rms(refit),
@@ -73,7 +93,8 @@ impl Problem<'_> {
 
     /// A whitened column's part in a run's vibration error, in g.
     fn vre_row(&self, column: &Column, row: usize) -> f64 {
-        let [during, before] = [Block::During, Block::Before].map(|block| self.range(block).start + row);
+        let [during, before] =
+            [Block::During, Block::Before].map(|block| self.range(block).start + row);
         column.values[during] / self.weights[during] - column.values[before] / self.weights[before]
     }
 
@@ -84,9 +105,20 @@ impl Problem<'_> {
         let mut matrix = Cholesky::new(fit.covariance.clone(), n)?.inverse();
         let mut right = vec![0.0; n];
         for &run in fold {
-            for block in [Block::Before, Block::During, Block::After, Block::Drift, Block::Maximum, Block::Minimum] {
+            for block in [
+                Block::Before,
+                Block::During,
+                Block::After,
+                Block::Drift,
+                Block::Maximum,
+                Block::Minimum,
+            ] {
                 let row = self.range(block).start + run;
-                let root = if block == Block::During { fit.trust[run].sqrt() } else { 1.0 };
+                let root = if block == Block::During {
+                    fit.trust[run].sqrt()
+                } else {
+                    1.0
+                };
                 let x: Vec<f64> = fit.columns.iter().map(|c| c.values[row] * root).collect();
                 for i in 0..n {
                     right[i] -= x[i] * fit.residuals[row];
@@ -100,7 +132,8 @@ impl Problem<'_> {
         factor.solve(&mut right);
         let (mut square, mut variance) = (0.0, 0.0);
         for &run in fold {
-            let [during, before] = [Block::During, Block::Before].map(|block| self.range(block).start + run);
+            let [during, before] =
+                [Block::During, Block::Before].map(|block| self.range(block).start + run);
             let mut x: Vec<f64> = fit.columns.iter().map(|c| self.vre_row(c, run)).collect();
             let residual = fit.residuals[during] / (self.weights[during] * fit.trust[run].sqrt())
                 - fit.residuals[before] / self.weights[before];
@@ -124,7 +157,11 @@ impl Problem<'_> {
                 matrix[i * NOMINAL + j] = column.iter().zip(other).map(|(a, b)| a * b).sum();
             }
             matrix[i * NOMINAL + i] += self.prior_precision[i];
-            x[i] = column.iter().zip(&self.observed.values[rows.clone()]).map(|(a, b)| a * b).sum();
+            x[i] = column
+                .iter()
+                .zip(&self.observed.values[rows.clone()])
+                .map(|(a, b)| a * b)
+                .sum();
         }
         x[0] += self.prior_precision[0];
         Cholesky::new(matrix, NOMINAL)?.solve(&mut x);

@@ -11,7 +11,12 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     let mut out = String::new();
     let best = &diagnosis.which[0];
     let names = best.effects.join(" and ");
-    let _ = writeln!(out, "instrument {}: {}\n", diagnosis.serial, headline(diagnosis));
+    let _ = writeln!(
+        out,
+        "instrument {}: {}\n",
+        diagnosis.serial,
+        headline(diagnosis)
+    );
     let gap = &diagnosis.gap;
     let _ = writeln!(
         out,
@@ -20,8 +25,14 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         probability(gap.p_value)
     );
     if diagnosis.verdict != Verdict::NoGap {
-        let shares = diagnosis.location.observables.iter().filter(|o| o.share >= 0.005);
-        let shares: Vec<String> = shares.map(|o| format!("{} {:.0} %", o.name, 100.0 * o.share)).collect();
+        let shares = diagnosis
+            .location
+            .observables
+            .iter()
+            .filter(|o| o.share >= 0.005);
+        let shares: Vec<String> = shares
+            .map(|o| format!("{} {:.0} %", o.name, 100.0 * o.share))
+            .collect();
         let _ = writeln!(out, "where    {}", shares.join(", "));
         for condition in diagnosis.location.conditions.iter().take(3) {
             let _ = writeln!(
@@ -38,14 +49,33 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         stages.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         if let Some(stage) = stages.first().filter(|s| s.probability > 0.05) {
             let word = serde_json::to_string(&stage.stage).unwrap_or_default();
-            let _ = writeln!(out, "link     {} ({:.0} %)", word.trim_matches('"'), 100.0 * stage.probability);
+            let _ = writeln!(
+                out,
+                "link     {} ({:.0} %)",
+                word.trim_matches('"'),
+                100.0 * stage.probability
+            );
         }
         for which in diagnosis.which.iter().take(4) {
-            let name = if which.effects.is_empty() { "nothing".into() } else { which.effects.join(" + ") };
-            let _ = writeln!(out, "which    {:<40} {:>6.1} %", name, 100.0 * which.probability);
+            let name = if which.effects.is_empty() {
+                "nothing".into()
+            } else {
+                which.effects.join(" + ")
+            };
+            let _ = writeln!(
+                out,
+                "which    {:<40} {:>6.1} %",
+                name,
+                100.0 * which.probability
+            );
         }
         for parameter in &best.parameters {
-            let _ = writeln!(out, "         {} = {}", parameter.name, Quantity::new(parameter.value, parameter.sigma));
+            let _ = writeln!(
+                out,
+                "         {} = {}",
+                parameter.name,
+                Quantity::new(parameter.value, parameter.sigma)
+            );
         }
         for id in &best.effects {
             if let Some(effect) = catalogue::find(id) {
@@ -53,7 +83,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             }
         }
         if !best.indistinguishable_from.is_empty() {
-            let _ = writeln!(out, "         these data cannot tell {names} from {}", best.indistinguishable_from.join(", "));
+            let _ = writeln!(
+                out,
+                "         these data cannot tell {names} from {}",
+                best.indistinguishable_from.join(", ")
+            );
         }
     }
     if let Some(shrink) = &diagnosis.shrink {
@@ -76,7 +110,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         );
     }
     for test in diagnosis.next_tests.iter().take(3) {
-        let _ = writeln!(out, "next     {} ({:.2} bits)", test.change, test.expected_bits);
+        let _ = writeln!(
+            out,
+            "next     {} ({:.2} bits)",
+            test.change, test.expected_bits
+        );
     }
     for note in &diagnosis.not_looked_at {
         let _ = writeln!(out, "not seen {note}");
@@ -90,12 +128,22 @@ pub fn headline(diagnosis: &Diagnosis) -> String {
     let names = best.effects.join(" and ");
     match diagnosis.verdict {
         Verdict::NoGap => "no gap beyond the stated uncertainty".into(),
-        Verdict::Explained => format!("the gap is explained by {names} ({:.0} %)", 100.0 * best.probability),
-        Verdict::Ambiguous => format!("the gap is explained by {names} or {}", best.indistinguishable_from.join(" or ")),
+        Verdict::Explained => format!(
+            "the gap is explained by {names} ({:.0} %)",
+            100.0 * best.probability
+        ),
+        Verdict::Ambiguous => format!(
+            "the gap is explained by {names} or {}",
+            best.indistinguishable_from.join(" or ")
+        ),
         Verdict::Unexplained => "there is a gap, and nothing in the catalogue explains it".into(),
     }
 }
 
 fn probability(p: f64) -> String {
-    if p < 1e-4 { "less than 1 in 10 000".into() } else { format!("{:.2} %", 100.0 * p) }
+    if p < 1e-4 {
+        "less than 1 in 10 000".into()
+    } else {
+        format!("{:.2} %", 100.0 * p)
+    }
 }

@@ -15,9 +15,15 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "adc-inl",
         stage: Stage::Acquisition,
         says: "the converter's error repeats over its range",
-        parameters: &[linear("_in_phase_g", 2e-5), linear("_quadrature_g", 2e-5), even("_cycles", 0.6, 16.0, 220)],
+        parameters: &[
+            linear("_in_phase_g", 2e-5),
+            linear("_quadrature_g", 2e-5),
+            even("_cycles", 0.6, 16.0, 220),
+        ],
         action: Action::Adds(inl),
-        report: Some((&["amplitude_g", "cycles", "phase_rad"], |p| vec![p[0].hypot(p[1]), p[2], p[1].atan2(p[0])])),
+        report: Some((&["amplitude_g", "cycles", "phase_rad"], |p| {
+            vec![p[0].hypot(p[1]), p[2], p[1].atan2(p[0])]
+        })),
     },
     // At a multiple of the logger's rate every sample falls on the same phase: a constant gain w sin(phase), its
     // phase anew in every run.
@@ -41,10 +47,18 @@ fn inl(p: &[f64], k: usize, s: &Situation<'_>, change: &mut Change) {
     let rate = PI * p[2];
     let error = |u: f64, damping: f64| {
         let (sin, cos) = (rate * u).sin_cos();
-        if k == 0 { damping * sin } else { damping * cos - 1.0 }
+        if k == 0 {
+            damping * sin
+        } else {
+            damping * cos - 1.0
+        }
     };
     for (row, reading) in s.readings.iter().enumerate() {
-        change.add(Block::Static, row, error(s.coefficients.output_g(reading.specific_force_g), 1.0));
+        change.add(
+            Block::Static,
+            row,
+            error(s.coefficients.output_g(reading.specific_force_g), 1.0),
+        );
     }
     let mut last: Option<(SpecificForce<f64>, f64)> = None;
     for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
@@ -61,7 +75,8 @@ fn inl(p: &[f64], k: usize, s: &Situation<'_>, change: &mut Change) {
         if run.kind == VibrationKind::Random {
             // sin of a phase spread far over a turn: half of it is scatter, over the independent values of the record.
             let independent = (run.band_hz[1] - run.band_hz[0]).max(1.0) * run.duration_s;
-            change.variance[row] += 0.3 * (1.0 - (-x * x).exp()).powi(2) * (1.0 - (-0.25 * x * x).exp()) / independent;
+            change.variance[row] +=
+                0.3 * (1.0 - (-x * x).exp()).powi(2) * (1.0 - (-0.25 * x * x).exp()) / independent;
         }
     }
 }

@@ -20,7 +20,12 @@ pub(super) const EFFECTS: &[Effect] = &[
         action: Action::Adds(|_, k, s, change| {
             on_dial(s, change, |reading| {
                 let angle = reading.dial_deg.to_radians();
-                let error = [angle.sin(), angle.cos(), (2.0 * angle).sin(), (2.0 * angle).cos()][k];
+                let error = [
+                    angle.sin(),
+                    angle.cos(),
+                    (2.0 * angle).sin(),
+                    (2.0 * angle).cos(),
+                ][k];
                 ARCSEC_RAD * error * tangent(reading)
             });
         }),
@@ -32,7 +37,14 @@ pub(super) const EFFECTS: &[Effect] = &[
         says: "the base of the dividing head is out of level",
         parameters: &[linear("zero_arcsec", 60.0), linear("axis_arcsec", 60.0)],
         action: Action::Adds(|_, k, s, change| {
-            on_dial(s, change, |reading| ARCSEC_RAD * if k == 0 { tangent(reading) } else { reading.series.lift::<f64>().i });
+            on_dial(s, change, |reading| {
+                ARCSEC_RAD
+                    * if k == 0 {
+                        tangent(reading)
+                    } else {
+                        reading.series.lift::<f64>().i
+                    }
+            });
         }),
         report: None,
     },
@@ -43,10 +55,12 @@ pub(super) const EFFECTS: &[Effect] = &[
         says: "the reading depends on the sense in which the dial came to its mark",
         parameters: &[linear("h_g", 3e-5)],
         action: Action::Adds(|_, _, s, change| {
-            on_dial(s, change, |reading| match (reading.series, reading.approach) {
-                (Series::InputAxis, _) => 0.0,
-                (_, Approach::CounterClockwise) => tangent(reading),
-                (_, Approach::Clockwise) => -tangent(reading),
+            on_dial(s, change, |reading| {
+                match (reading.series, reading.approach) {
+                    (Series::InputAxis, _) => 0.0,
+                    (_, Approach::CounterClockwise) => tangent(reading),
+                    (_, Approach::Clockwise) => -tangent(reading),
+                }
             });
         }),
         report: None,

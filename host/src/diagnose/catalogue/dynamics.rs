@@ -12,7 +12,10 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "loop-bandwidth",
         stage: Stage::InstrumentDynamics,
         says: "the servo loop cannot follow fast vibration, and the motion that is left rectifies",
-        parameters: &[linear("b_per_g", 1e-3), logarithmic("fc_hz", 30.0, 6000.0, 16)],
+        parameters: &[
+            linear("b_per_g", 1e-3),
+            logarithmic("fc_hz", 30.0, 6000.0, 16),
+        ],
         action: Action::Adds(|p, _, s, change| {
             filtered(s, change, [0, 0], |f| {
                 let x2 = (f / p[1]).powi(2);
@@ -27,7 +30,10 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "vibropendulous",
         stage: Stage::InstrumentDynamics,
         says: "the proof mass deflects and picks up vibration along the pendulous axis",
-        parameters: &[linear("k_per_g", 3e-4), logarithmic("fn_hz", 30.0, 6000.0, 16)],
+        parameters: &[
+            linear("k_per_g", 3e-4),
+            logarithmic("fn_hz", 30.0, 6000.0, 16),
+        ],
         action: Action::Adds(|p, _, s, change| {
             filtered(s, change, [0, 1], |f| 1.0 / (1.0 + (f / p[1]).powi(2)));
         }),
@@ -38,17 +44,29 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "saturation",
         stage: Stage::InstrumentDynamics,
         says: "the output cannot exceed a limit and is clipped",
-        parameters: &[logarithmic("limit_g", 1.0, 14.0, 28), even("offset_g", -0.6, 0.6, 5)],
+        parameters: &[
+            logarithmic("limit_g", 1.0, 14.0, 28),
+            even("offset_g", -0.6, 0.6, 5),
+        ],
         action: Action::Adds(saturate),
         report: None,
     },
 ];
 
 /// Adds M[w_j w_k] as weighted by a response over frequency.
-fn filtered(s: &Situation<'_>, change: &mut crate::diagnose::problem::Change, axes: [usize; 2], response: impl Fn(f64) -> f64) {
+fn filtered(
+    s: &Situation<'_>,
+    change: &mut crate::diagnose::problem::Change,
+    axes: [usize; 2],
+    response: impl Fn(f64) -> f64,
+) {
     for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
         let square = motion.amplitude_g[axes[0]] * motion.amplitude_g[axes[1]];
-        let square = if run.kind == VibrationKind::Sine { 0.5 * square } else { square };
+        let square = if run.kind == VibrationKind::Sine {
+            0.5 * square
+        } else {
+            square
+        };
         if square == 0.0 {
             continue;
         }
@@ -65,7 +83,9 @@ fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose
         if a[0] > low + 0.2 && a[0] < high - 0.2 {
             return 0.0;
         }
-        let u = s.coefficients.output_g(shared::model::SpecificForce::new(a[0], a[1], a[2]));
+        let u = s
+            .coefficients
+            .output_g(shared::model::SpecificForce::new(a[0], a[1], a[2]));
         u.clamp(low, high) - u
     };
     for (row, reading) in s.readings.iter().enumerate() {
@@ -73,12 +93,20 @@ fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose
         change.add(Block::Static, row, lost([a.i, a.p, a.o]));
     }
     for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
-        let a0 = [run.specific_force_g.i, run.specific_force_g.p, run.specific_force_g.o];
+        let a0 = [
+            run.specific_force_g.i,
+            run.specific_force_g.p,
+            run.specific_force_g.o,
+        ];
         let rest = lost(a0);
         change.add(Block::Before, row, rest);
         change.add(Block::After, row, rest);
         let swing = motion.amplitude_g[0].abs();
-        let reach = if run.kind == VibrationKind::Sine { swing } else { 7.0 * swing };
+        let reach = if run.kind == VibrationKind::Sine {
+            swing
+        } else {
+            7.0 * swing
+        };
         if a0[0] - reach > low + 0.2 && a0[0] + reach < high - 0.2 {
             continue;
         }
@@ -86,7 +114,11 @@ fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose
         change.add(Block::During, row, mean.value);
         change.variance[row] += mean.variance;
         if run.kind == VibrationKind::Sine {
-            let at = |multiple: f64| lost(std::array::from_fn(|axis| a0[axis] + multiple * motion.amplitude_g[axis]));
+            let at = |multiple: f64| {
+                lost(std::array::from_fn(|axis| {
+                    a0[axis] + multiple * motion.amplitude_g[axis]
+                }))
+            };
             let sign = motion.amplitude_g[0].signum();
             change.add(Block::Maximum, row, at(sign));
             change.add(Block::Minimum, row, at(-sign));

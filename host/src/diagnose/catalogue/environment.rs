@@ -76,7 +76,10 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "self-heating",
         stage: Stage::Environment,
         says: "vibration warms the instrument, which shifts its bias for a while",
-        parameters: &[linear("c_per_g", 2e-5), logarithmic("tau_s", 0.5, 300.0, 14)],
+        parameters: &[
+            linear("c_per_g", 2e-5),
+            logarithmic("tau_s", 0.5, 300.0, 14),
+        ],
         action: Action::Adds(self_heating),
         report: None,
     },
@@ -97,7 +100,11 @@ pub(super) const EFFECTS: &[Effect] = &[
 
 fn power_g2(run: &Run) -> f64 {
     let square = run.level_g * run.level_g;
-    if run.kind == VibrationKind::Sine { 0.5 * square } else { square }
+    if run.kind == VibrationKind::Sine {
+        0.5 * square
+    } else {
+        square
+    }
 }
 
 fn self_heating(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
@@ -111,7 +118,13 @@ fn self_heating(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
     let mut end_s = f64::NEG_INFINITY;
     for (row, run) in s.runs.iter().enumerate() {
         let length = run.duration_s;
-        let left = |t: f64| if warmth == 0.0 { 0.0 } else { warmth * decay(t - end_s, length) };
+        let left = |t: f64| {
+            if warmth == 0.0 {
+                0.0
+            } else {
+                warmth * decay(t - end_s, length)
+            }
+        };
         let during_s = run.time_s + DURING_S;
         change.add(Block::Before, row, left(run.time_s));
         let full = power_g2(run);
@@ -119,16 +132,27 @@ fn self_heating(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
         let mean = full - risen * tau / length;
         change.add(Block::During, row, left(during_s) + mean);
         let start_s = during_s - 0.5 * length;
-        let (old_start, old_end) = (left_at(warmth, start_s - end_s, tau), left_at(warmth, start_s + length - end_s, tau));
+        let (old_start, old_end) = (
+            left_at(warmth, start_s - end_s, tau),
+            left_at(warmth, start_s + length - end_s, tau),
+        );
         change.add(Block::Drift, row, (risen + old_end - old_start) / length);
         warmth = risen + old_end;
         end_s = start_s + length;
-        change.add(Block::After, row, warmth * decay(run.time_s + AFTER_S - end_s, length));
+        change.add(
+            Block::After,
+            row,
+            warmth * decay(run.time_s + AFTER_S - end_s, length),
+        );
     }
 }
 
 fn left_at(warmth: f64, after_s: f64, tau_s: f64) -> f64 {
-    if warmth == 0.0 { 0.0 } else { warmth * (-after_s / tau_s).exp() }
+    if warmth == 0.0 {
+        0.0
+    } else {
+        warmth * (-after_s / tau_s).exp()
+    }
 }
 
 fn bias_memory(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {

@@ -103,8 +103,11 @@ pub struct Effect {
     /// How it acts.
     pub action: Action,
     /// Parameters by other names: names, and the function from fitted to reported values.
-    pub report: Option<(&'static [&'static str], fn(&[f64]) -> Vec<f64>)>,
+    pub report: Option<Renamed>,
 }
+
+/// Names of reported parameters, and the function from fitted to reported values.
+pub type Renamed = (&'static [&'static str], fn(&[f64]) -> Vec<f64>);
 
 /// How an effect acts.
 #[derive(Clone, Copy, Debug)]
@@ -130,7 +133,10 @@ pub enum Seen {
 impl Effect {
     /// Number of parameters in proportion.
     pub fn linear(&self) -> usize {
-        self.parameters.iter().take_while(|p| matches!(p.role, Role::Linear { .. })).count()
+        self.parameters
+            .iter()
+            .take_while(|p| matches!(p.role, Role::Linear { .. }))
+            .count()
     }
 }
 
@@ -155,17 +161,39 @@ pub fn find(id: &str) -> Option<&'static Effect> {
 }
 
 const fn linear(name: &'static str, width: f64) -> Parameter {
-    Parameter { name, role: Role::Linear { width } }
+    Parameter {
+        name,
+        role: Role::Linear { width },
+    }
 }
 
 const fn logarithmic(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
-    Parameter { name, role: Role::Curved { from, to, points, logarithmic: true } }
+    Parameter {
+        name,
+        role: Role::Curved {
+            from,
+            to,
+            points,
+            logarithmic: true,
+        },
+    }
 }
 
 const fn even(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
-    Parameter { name, role: Role::Curved { from, to, points, logarithmic: false } }
+    Parameter {
+        name,
+        role: Role::Curved {
+            from,
+            to,
+            points,
+            logarithmic: false,
+        },
+    }
 }
 
 const fn stepped(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
-    Parameter { name, role: Role::Stepped { from, to, points } }
+    Parameter {
+        name,
+        role: Role::Stepped { from, to, points },
+    }
 }

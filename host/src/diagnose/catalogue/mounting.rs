@@ -11,7 +11,10 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "fixture-resonance",
         stage: Stage::Mounting,
         says: "the fixture resonates: the instrument moves more than the table",
-        parameters: &[logarithmic("fn_hz", 150.0, 12_000.0, 32), logarithmic("q", 1.5, 80.0, 5)],
+        parameters: &[
+            logarithmic("fn_hz", 150.0, 12_000.0, 32),
+            logarithmic("q", 1.5, 80.0, 5),
+        ],
         action: Action::Moves(resonate, Seen::ByInstrumentAlone),
         report: None,
     },

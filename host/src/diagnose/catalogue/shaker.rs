@@ -11,7 +11,10 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "shaker-transverse",
         stage: Stage::Shaker,
         says: "the table moves across its drive as well",
-        parameters: &[even("ratio_next", -0.4, 0.4, 5), even("ratio_previous", -0.4, 0.4, 5)],
+        parameters: &[
+            even("ratio_next", -0.4, 0.4, 5),
+            even("ratio_previous", -0.4, 0.4, 5),
+        ],
         action: Action::Moves(
             |p, run, _, motion| {
                 let main = main_axis(&run.direction);
@@ -65,7 +68,10 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Shaker,
         says: "the vibration is larger or smaller than command and reference say",
         parameters: &[even("eps", -0.15, 0.15, 3)],
-        action: Action::Moves(|p, _, _, motion| motion.scale(1.0 + p[0]), Seen::ByInstrumentAlone),
+        action: Action::Moves(
+            |p, _, _, motion| motion.scale(1.0 + p[0]),
+            Seen::ByInstrumentAlone,
+        ),
         report: None,
     },
     Effect {

@@ -14,7 +14,13 @@ pub(super) const EFFECTS: &[Effect] = &[
         says: "the bias changes with the sign of the acceleration",
         parameters: &[linear("K0_prime_g", 2e-4)],
         action: Action::Adds(|_, _, s, c| {
-            term(s, c, |a| if a[0].abs() < DEAD_BAND_G { 0.0 } else { a[0].signum() });
+            term(s, c, |a| {
+                if a[0].abs() < DEAD_BAND_G {
+                    0.0
+                } else {
+                    a[0].signum()
+                }
+            });
         }),
         report: None,
     },
@@ -70,7 +76,11 @@ fn term(s: &Situation<'_>, change: &mut Change, function: impl Fn([f64; 3]) -> f
         change.variance[row] += mean.variance;
         if run.kind == VibrationKind::Sine {
             let sign = motion.amplitude_g[0].signum();
-            let at = |multiple: f64| function(std::array::from_fn(|axis| a0[axis] + multiple * motion.amplitude_g[axis]));
+            let at = |multiple: f64| {
+                function(std::array::from_fn(|axis| {
+                    a0[axis] + multiple * motion.amplitude_g[axis]
+                }))
+            };
             change.add(Block::Maximum, row, at(sign));
             change.add(Block::Minimum, row, at(-sign));
         }
