@@ -79,6 +79,8 @@ pub(super) const EFFECTS: &[Effect] = &[
         parameters: &[
             linear("c_per_g", 2e-5),
             logarithmic("tau_s", 0.5, 300.0, 14),
+            // Length of the plateaus before and after; campaigns state that of the one during a run alone.
+            even("_plateau_s", 0.0, 10.0, 2),
         ],
         action: Action::Adds(self_heating),
         report: None,
@@ -91,6 +93,8 @@ pub(super) const EFFECTS: &[Effect] = &[
             linear("step_g", 1e-5),
             // By which factor each step is smaller than the one before it.
             even("_memory", 0.4, 1.05, 4),
+            // How much of it the ends of the vibration show.
+            even("_within", 0.0, 1.5, 2),
             stepped("threshold_g", 0.2, 8.0, 40),
         ],
         action: Action::Adds(bias_memory),
@@ -118,11 +122,12 @@ fn self_heating(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
     let mut end_s = f64::NEG_INFINITY;
     for (row, run) in s.runs.iter().enumerate() {
         let length = run.duration_s;
+        let plateau = p[2];
         let left = |t: f64| {
             if warmth == 0.0 {
                 0.0
             } else {
-                warmth * decay(t - end_s, length)
+                warmth * decay(t - end_s, plateau)
             }
         };
         let during_s = run.time_s + DURING_S;
@@ -142,7 +147,7 @@ fn self_heating(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
         change.add(
             Block::After,
             row,
-            warmth * decay(run.time_s + AFTER_S - end_s, length),
+            warmth * decay(run.time_s + AFTER_S - end_s, plateau),
         );
     }
 }
@@ -159,9 +164,9 @@ fn bias_memory(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
     let (mut level, mut step) = (0.0, 1.0);
     for (row, (run, peak_g)) in s.runs.iter().zip(&s.peaks_g).enumerate() {
         change.add(Block::Before, row, level);
-        let added = if *peak_g > p[2] { step } else { 0.0 };
+        let added = if *peak_g > p[3] { step } else { 0.0 };
         change.add(Block::During, row, level + 0.5 * added);
-        change.add(Block::Drift, row, added / run.duration_s);
+        change.add(Block::Drift, row, p[2] * added / run.duration_s);
         level += added;
         change.add(Block::After, row, level);
         if added > 0.0 {
