@@ -315,7 +315,8 @@ fn closed_form_identification(campaign: &Campaign) -> Result<Identification, Err
     Ok(identification)
 }
 
-/// Covariance of the 24 mean voltages: noise and repeatability of each, marks, mounts and tilts in common, V^2.
+/// Covariance of the 24 mean voltages: noise and repeatability of each, marks and tilts in common, V^2. These readings
+/// are not remounted: the misalignments count from the mount as it is.
 fn voltage_covariance(campaign: &Campaign, at: &[Vec<&campaign::Reading>]) -> Vec<[f64; 24]> {
     let bench = bench(&campaign.config.bench);
     let k1 = campaign.config.instrument.scale_factor_nominal_v_per_g * bench.local_gravity_g;
@@ -333,9 +334,6 @@ fn voltage_covariance(campaign: &Campaign, at: &[Vec<&campaign::Reading>]) -> Ve
                 let mut shared_angle = square(bench.level_sigma_rad);
                 if j % 8 == k % 8 {
                     shared_angle += square(bench.dial_sigma_rad);
-                }
-                if j / 8 == k / 8 {
-                    shared_angle += square(bench.mount_sigma_rad);
                 }
                 let mut sum = by_angle[j] * by_angle[k] * shared_angle
                     + by_lift[j] * by_lift[k] * square(bench.level_sigma_rad);

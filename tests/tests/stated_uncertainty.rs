@@ -1,0 +1,113 @@
+//! Whether what is stated of coefficients and vibration errors holds, over many campaigns of the virtual bench,
+//! which works on waveforms and knows none of the averaged formulas.
+
+use host::bench::noise::Seed;
+use host::bench::plan::Static;
+use host::bench::simulate::{Simulation, Specification, VirtualBench};
+use host::identification::{Method, identify};
+use host::prediction::predict;
+use host::quantity::Quantity;
+
+const CAMPAIGNS: u64 = 40;
+
+fn simulate(plan: Static, dial_arcsec: f64, seed: u64) -> Simulation {
+    let specification = Specification::with_dial_sigma(dial_arcsec);
+    VirtualBench::new(Seed(seed), plan, specification, Vec::new()).simulate()
+}
+
+/// Mean of squared z over campaigns, and the bound for its distance from 1: five standard deviations.
+struct MeanSquare {
+    sum: f64,
+    count: f64,
+}
+
+impl MeanSquare {
+    fn new() -> Self {
+        Self { sum: 0.0, count: 0.0 }
+    }
+
+    fn add(&mut self, quantity: Quantity, truth: f64) {
+        let (value, sigma) = quantity.known().expect("determined");
+        self.sum += ((value - truth) / sigma).powi(2);
+        self.count += 1.0;
+    }
+
+    fn mean(&self) -> f64 {
+        self.sum / self.count
+    }
+
+    fn assert_near_one(&self, what: &str) {
+        let bound = 5.0 * (2.0 / self.count).sqrt();
+        assert!((self.mean() - 1.0).abs() < bound, "{what}: mean squared z {}", self.mean());
+    }
+}
+
+#[test]
+fn coefficients_lie_within_their_uncertainty_as_often_as_it_claims() {
+    for (plan, dial_arcsec, determined) in [
+        (Static::Default, 1.0, 11),
+        (Static::Default, 5.8, 11),
+        (Static::Paper, 10.0, 8),
+        (Static::Remounted, 5.8, 11),
+    ] {
+        let mut per_coefficient: Vec<_> = (0..11).map(|_| MeanSquare::new()).collect();
+        let mut chi2 = 0.0;
+        for seed in 0..CAMPAIGNS {
+            let Simulation { campaign, truth, .. } = simulate(plan, dial_arcsec, seed);
+            let found = identify(&campaign, Method::LeastSquares, None).unwrap();
+            let known = found.coefficients.iter().filter(|c| c.value.is_some()).count();
+            assert_eq!((known, found.rank), (determined, determined.min(10).max(found.rank)));
+            for (k, coefficient) in found.coefficients.iter().enumerate() {
+                if coefficient.value.is_some() {
+                    per_coefficient[k].add(*coefficient, truth.coefficients[k]);
+                }
+            }
+            chi2 += found.chi2.unwrap() / found.dof as f64 / CAMPAIGNS as f64;
+        }
+        for (k, square) in per_coefficient.iter().enumerate().filter(|(_, s)| s.count > 0.0) {
+            square.assert_near_one(&format!("{plan:?} at {dial_arcsec} arcsec, coefficient {k}"));
+        }
+        assert!((chi2 - 1.0).abs() < 0.15, "{plan:?}: reduced chi-square {chi2}");
+    }
+}
+
+#[test]
+fn closed_formulas_state_an_uncertainty_that_holds() {
+    let mut per_coefficient: Vec<_> = (0..11).map(|_| MeanSquare::new()).collect();
+    for seed in 0..CAMPAIGNS {
+        let Simulation { campaign, truth, .. } = simulate(Static::Paper, 5.8, 1000 + seed);
+        let found = identify(&campaign, Method::ClosedForm, None).unwrap();
+        for (k, coefficient) in found.coefficients.iter().enumerate() {
+            if coefficient.value.is_some() {
+                per_coefficient[k].add(*coefficient, truth.coefficients[k]);
+            }
+        }
+    }
+    for (k, square) in per_coefficient.iter().enumerate().filter(|(_, s)| s.count > 0.0) {
+        square.assert_near_one(&format!("coefficient {k}"));
+    }
+}
+
+/// The same runs of many campaigns; runs of one campaign share its coefficients' errors, so each run number is
+/// judged by itself.
+#[test]
+fn vibration_errors_of_runs_never_made_lie_within_the_stated_uncertainty() {
+    let runs = 38;
+    let mut from_static: Vec<_> = (0..runs).map(|_| MeanSquare::new()).collect();
+    let mut refitted: Vec<_> = (0..runs).map(|_| MeanSquare::new()).collect();
+    for seed in 0..CAMPAIGNS {
+        let simulation = simulate(Static::Remounted, 5.8, 2000 + seed);
+        let prediction = predict(&simulation.campaign, &simulation.holdout, None).unwrap();
+        assert_eq!(prediction.runs.len(), runs);
+        for (k, (run, truth)) in
+            prediction.runs.iter().zip(&simulation.truth.holdout_vre_g).enumerate()
+        {
+            from_static[k].add(run.vre_g, *truth);
+            refitted[k].add(run.refit_vre_g.unwrap(), *truth);
+        }
+    }
+    for k in 0..runs {
+        from_static[k].assert_near_one(&format!("run {k} from the static test"));
+        refitted[k].assert_near_one(&format!("run {k} from static test and shaker"));
+    }
+}
