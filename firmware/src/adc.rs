@@ -157,6 +157,26 @@ where
         &self.config
     }
 
+    /// Conversions that the converter has made since the first [`Self::initialise`], as far as accounted for.
+    pub fn conversions(&self) -> u64 {
+        self.count.index()
+    }
+
+    /// The clock of its timers, microseconds.
+    pub fn now_us(&mut self) -> u64 {
+        self.timers.now_us()
+    }
+
+    /// Lets others run for that long.
+    pub async fn pause_us(&mut self, duration_us: u32) {
+        self.delay.delay_us(duration_us).await;
+    }
+
+    /// Lets others run for half of a conversion period.
+    pub async fn pause_half_a_period(&mut self) {
+        self.pause_us(self.count.period_us() / 2).await;
+    }
+
     /// Resets the converter, checks who it is, writes every setting and reads it back, locks it, and waits until
     /// its filter has settled. Conversions that this costs count as lost, except the first time.
     ///
@@ -257,7 +277,7 @@ where
         if self.exchange(Command::Null).await?.status().has_data() {
             return Ok(());
         }
-        self.delay.delay_us(self.count.period_us() / 2).await;
+        self.pause_half_a_period().await;
         let waited_us = PATIENCE * self.count.period_us();
         if self.count.elapsed_us(now_us) < u64::from(waited_us) {
             return Err(Error::NoData);

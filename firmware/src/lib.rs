@@ -7,3 +7,6 @@
 #![no_std]
 
 pub mod adc;
+pub mod app;
+pub mod link;
+pub mod sampler;

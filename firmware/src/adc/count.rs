@@ -78,8 +78,10 @@ impl ConversionCount {
     pub fn account(&mut self, edges: u32, now_us: u64) -> u32 {
         let mut passed = edges.wrapping_sub(self.edges);
         if self.confidence == Confidence::Clock {
-            let periods = self.elapsed_us(now_us).saturating_mul(self.clock_hz)
-                / (self.clock_cycles * 1_000_000);
+            // One more, since both times are cut to whole microseconds.
+            let elapsed_us = self.elapsed_us(now_us).saturating_add(1);
+            let periods =
+                elapsed_us.saturating_mul(self.clock_hz) / (self.clock_cycles * 1_000_000);
             passed = passed.max(u32::try_from(periods).unwrap_or(u32::MAX));
             self.confidence = Confidence::Edges;
         }

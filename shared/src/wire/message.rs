@@ -201,7 +201,7 @@ pub struct Moments {
     pub minimum: [i32; CHANNELS],
     /// Largest code.
     pub maximum: [i32; CHANNELS],
-    /// The codes of zero specific force.
+    /// The codes of zero specific force; [`Command::SetCoefficients`] tells them.
     pub zero: [i32; CHANNELS],
     /// Sum of the codes' distances from [`Self::zero`].
     pub modulus: [u64; CHANNELS],
@@ -353,6 +353,8 @@ pub enum Refusal {
     NotOpen,
     /// A parameter is out of its range.
     Parameter(Parameter),
+    /// Too many commands wait to be carried out.
+    Busy,
 }
 
 /// A command's parameter.

@@ -1,0 +1,232 @@
+//! The application: commands in, events out. It only decides; the acquisition carries out, and nothing here can
+//! hold it up.
+//!
+//! Each command is checked against what is open, becomes an [`Order`], and is acknowledged when the acquisition
+//! has carried it out, with the sample from which on it holds. What cannot be is refused by name. Bytes that are no
+//! frame are counted.
+
+use heapless::Deque;
+use shared::wire::framing::{Deframer, Frame, FrameError};
+use shared::wire::message::{
+    Coefficients, Command, Event, Identity, Parameter, Position, Refusal, Segment,
+};
+use shared::wire::version;
+
+use crate::link::{Action, ApplicationEnd, Order, Report};
+
+/// Answers that may wait for the line; a host that floods faster than it listens misses some, and they are counted.
+const REPLIES: usize = 8;
+
+/// Codes on either side of zero.
+const HALF_RANGE: f64 = 8_388_608.0;
+
+/// The state of the conversation with the host.
+pub struct App<'q> {
+    identity: Identity,
+    link: ApplicationEnd<'q>,
+    incoming: Deframer,
+    replies: Deque<Event<'static>, REPLIES>,
+    greeted: bool,
+    open: Segment,
+    coefficients: Option<Coefficients>,
+    sequence: u16,
+    rejected_frames: u32,
+    dropped_replies: u32,
+}
+
+impl<'q> App<'q> {
+    /// Before the first byte; `identity` answers the host's greeting.
+    pub fn new(identity: Identity, link: ApplicationEnd<'q>) -> Self {
+        Self {
+            identity,
+            link,
+            incoming: Deframer::new(),
+            replies: Deque::new(),
+            greeted: false,
+            open: Segment::Idle,
+            coefficients: None,
+            sequence: 0,
+            rejected_frames: 0,
+            dropped_replies: 0,
+        }
+    }
+
+    /// The coefficients that the host has set.
+    pub fn coefficients(&self) -> Option<&Coefficients> {
+        self.coefficients.as_ref()
+    }
+
+    /// Takes bytes from the line, in pieces of any length.
+    pub fn receive(&mut self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            let (taken, packet) = self.incoming.feed(bytes);
+            bytes = bytes.get(taken..).unwrap_or(&[]);
+            let command = match packet {
+                None => continue,
+                Some(Ok(packet)) => packet
+                    .message::<Command>()
+                    .map(|command| (packet.sequence, command)),
+                Some(Err(error)) => Err(error),
+            };
+            match command {
+                Ok((sequence, command)) => self.command(sequence, command),
+                Err(error) => {
+                    self.rejected_frames = self.rejected_frames.saturating_add(1);
+                    // Whoever speaks another version must learn which one is spoken here.
+                    if let FrameError::Version(_) = error {
+                        self.reply(Event::Hello(self.identity));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Packs the next event for the line; false when there is none.
+    pub fn transmit(&mut self, frame: &mut Frame) -> bool {
+        loop {
+            let packed = if let Some(event) = self.replies.pop_front() {
+                frame.encode(&event, self.sequence)
+            } else if let Some(report) = self.link.report() {
+                match report {
+                    Report::Raw(raw) => frame.encode(&Event::Raw(raw.message()), self.sequence),
+                    Report::Block(block) => frame.encode(&Event::Block(block), self.sequence),
+                    Report::Fault { sample, fault } => {
+                        frame.encode(&Event::Fault { sample, fault }, self.sequence)
+                    }
+                    Report::Done {
+                        sequence,
+                        sample,
+                        state,
+                    } => {
+                        if let Some(mut state) = state {
+                            state.compensating = self.coefficients.is_some();
+                            state.rejected_frames = self.rejected_frames;
+                            state.dropped_frames =
+                                state.dropped_frames.saturating_add(self.dropped_replies);
+                            self.reply(Event::State(state));
+                        }
+                        self.reply(Event::Ack { sequence, sample });
+                        continue;
+                    }
+                }
+            } else {
+                return false;
+            };
+            match packed {
+                Ok(()) => {
+                    self.sequence = self.sequence.wrapping_add(1);
+                    return true;
+                }
+                // No message of ours is that long; if one were, it would be missed as a dropped one.
+                Err(_) => self.dropped_replies = self.dropped_replies.saturating_add(1),
+            }
+        }
+    }
+
+    fn reply(&mut self, event: Event<'static>) {
+        if self.replies.push_back(event).is_err() {
+            self.dropped_replies = self.dropped_replies.saturating_add(1);
+        }
+    }
+
+    fn command(&mut self, sequence: u16, command: Command) {
+        if let Command::Hello { .. } = command {
+            self.reply(Event::Hello(self.identity));
+        }
+        let outcome = self.check(&command).and_then(|action| {
+            self.link
+                .give(Order { sequence, action })
+                .map_err(|_| Refusal::Busy)
+        });
+        match outcome {
+            Ok(()) => self.carry_out(&command),
+            Err(reason) => self.reply(Event::Refused { sequence, reason }),
+        }
+    }
+
+    /// What a command asks of the acquisition, if it is allowed now.
+    fn check(&self, command: &Command) -> Result<Action, Refusal> {
+        if let Command::Hello { version } = command {
+            return if version.is_understood() {
+                Ok(Action::Mark)
+            } else {
+                Err(Refusal::Version {
+                    minimum: version::MINIMUM,
+                    current: version::CURRENT,
+                })
+            };
+        }
+        if !self.greeted {
+            return Err(Refusal::NoHello);
+        }
+        match command {
+            Command::StartPosition(position) => {
+                check_position(position)?;
+                self.nothing_open()?;
+                Ok(Action::Begin(Segment::Reading(position.reading)))
+            }
+            Command::StartRun(run) => {
+                self.nothing_open()?;
+                Ok(Action::Begin(Segment::Run(*run)))
+            }
+            Command::StopPosition if matches!(self.open, Segment::Reading(_)) => {
+                Ok(Action::Begin(Segment::Idle))
+            }
+            Command::StopRun if matches!(self.open, Segment::Run(_)) => {
+                Ok(Action::Begin(Segment::Idle))
+            }
+            Command::StopPosition | Command::StopRun => Err(Refusal::NotOpen),
+            Command::StreamRaw { on } => Ok(Action::Stream(*on)),
+            Command::SetCoefficients(coefficients) => {
+                // The zero codes change with them, and blocks of one segment must agree in those.
+                self.nothing_open()?;
+                self.zero_codes(coefficients).map(Action::Zero)
+            }
+            Command::Hello { .. } => Ok(Action::Mark),
+            Command::AskState => Ok(Action::State),
+        }
+    }
+
+    /// Remembers a command whose order was given.
+    fn carry_out(&mut self, command: &Command) {
+        match *command {
+            Command::Hello { .. } => self.greeted = true,
+            Command::StartPosition(position) => self.open = Segment::Reading(position.reading),
+            Command::StartRun(run) => self.open = Segment::Run(run),
+            Command::StopPosition | Command::StopRun => self.open = Segment::Idle,
+            Command::SetCoefficients(coefficients) => self.coefficients = Some(coefficients),
+            Command::StreamRaw { .. } | Command::AskState => {}
+        }
+    }
+
+    fn nothing_open(&self) -> Result<(), Refusal> {
+        match self.open {
+            Segment::Idle => Ok(()),
+            open => Err(Refusal::Open(open)),
+        }
+    }
+
+    /// Codes of zero specific force: the instrument's K1 k0, and the middle of the reference's range.
+    fn zero_codes(&self, coefficients: &Coefficients) -> Result<[i32; 4], Refusal> {
+        let [scale_factor_v_per_g, bias_g, ..] = coefficients.nominal;
+        let finite = coefficients.nominal.iter().all(|c| c.is_finite())
+            && coefficients.fifth_order_per_g4.is_finite();
+        let gain = f64::from(self.identity.gains[0]);
+        let zero = scale_factor_v_per_g * bias_g * gain / self.identity.reference_v * HALF_RANGE;
+        if finite && scale_factor_v_per_g > 0.0 && zero.abs() < HALF_RANGE {
+            Ok([zero as i32, 0, 0, 0])
+        } else {
+            Err(Refusal::Parameter(Parameter::Coefficients))
+        }
+    }
+}
+
+fn check_position(position: &Position) -> Result<(), Refusal> {
+    if !(1..=3).contains(&position.series) {
+        return Err(Refusal::Parameter(Parameter::Series));
+    }
+    if !(position.dial_deg.is_finite() && position.mount_deg.is_finite()) {
+        return Err(Refusal::Parameter(Parameter::Angle));
+    }
+    Ok(())
+}

@@ -1,0 +1,319 @@
+//! From conversions to blocks of moments and raw frames.
+//!
+//! [`Sampler`] is plain: it is handed what the converter gave, and reports. [`Acquisition`] puts it behind a
+//! converter. Codes stay integers until a block is closed. What was lost is told by the index of the conversions,
+//! which counts DRDY edges ([`crate::adc::count`]); a loss belongs to the segment in which it happened.
+
+use embedded_hal::digital::OutputPin;
+use embedded_hal_async::delay::DelayNs;
+use embedded_hal_async::digital::Wait;
+use embedded_hal_async::spi::SpiDevice;
+use shared::moments::Accumulator;
+use shared::wire::message::{Block, CHANNELS, Fault, Moments, Segment, State};
+
+use crate::adc::count::Timers;
+use crate::adc::{self, Ads131m04, Conversion, Reset};
+use crate::link::{AcquisitionEnd, Action, RawSamples, Report};
+
+/// How long to wait before a converter that could not be set up is tried again.
+const RETRY_US: u32 = 10_000;
+
+impl From<adc::Error> for Fault {
+    fn from(error: adc::Error) -> Self {
+        match error {
+            adc::Error::Spi(_) | adc::Error::Pin(_) => Self::Bus,
+            adc::Error::DrdyTimeout { waited_us } => Self::DrdyTimeout { waited_us },
+            adc::Error::Checksum(error) => Self::Checksum {
+                sent: error.sent,
+                computed: error.computed,
+            },
+            adc::Error::Identification { read } => Self::Identification { read },
+            adc::Error::Register {
+                register,
+                written,
+                read,
+            } => Self::Register {
+                address: register as u8,
+                written,
+                read,
+            },
+            adc::Error::Acknowledge { expected, read } => Self::Acknowledge { expected, read },
+            adc::Error::Status(status) => Self::Status { read: status.0 },
+            adc::Error::Overrun { lost } => Self::Overrun { lost },
+            adc::Error::NoData => Self::NoData,
+        }
+    }
+}
+
+/// Gathers samples into blocks and raw frames, and carries out orders between them.
+pub struct Sampler<'q> {
+    link: AcquisitionEnd<'q>,
+    block_samples: u32,
+    zero: [i32; CHANNELS],
+    segment: Segment,
+    /// The block that is open.
+    accumulator: Accumulator<f32>,
+    first_sample: u64,
+    count: u32,
+    lost: u32,
+    /// The raw frame that is open, while streaming.
+    raw: Option<RawSamples>,
+    streaming: bool,
+    /// Index of the next conversion that is expected.
+    next: u64,
+    samples: u64,
+    checksum_errors: u32,
+    resets: u32,
+    last_fault: Option<Fault>,
+    /// The conversion before went wrong, in this way.
+    trouble: Option<core::mem::Discriminant<Fault>>,
+}
+
+impl<'q> Sampler<'q> {
+    /// Blocks of that many conversions, lost ones included; at least one.
+    pub fn new(link: AcquisitionEnd<'q>, block_samples: u16) -> Self {
+        Self {
+            link,
+            block_samples: u32::from(block_samples.max(1)),
+            zero: [0; CHANNELS],
+            segment: Segment::Idle,
+            accumulator: Accumulator::new([0; CHANNELS]),
+            first_sample: 0,
+            count: 0,
+            lost: 0,
+            raw: None,
+            streaming: false,
+            next: 0,
+            samples: 0,
+            checksum_errors: 0,
+            resets: 0,
+            last_fault: None,
+            trouble: None,
+        }
+    }
+
+    /// Takes a conversion; those between it and the one before were lost.
+    #[inline]
+    pub fn take(&mut self, conversion: &Conversion) {
+        self.trouble = None;
+        self.reach(conversion.index);
+        self.next = conversion.index.saturating_add(1);
+        self.samples += 1;
+        self.count += 1;
+        // A block is far shorter than what an accumulator holds.
+        let _ = self.accumulator.push(conversion.codes);
+        if self.streaming {
+            self.stream(conversion);
+        }
+        if self.count.saturating_add(self.lost) >= self.block_samples {
+            self.close_block();
+        }
+    }
+
+    fn stream(&mut self, conversion: &Conversion) {
+        let segment = self.segment;
+        let raw = self
+            .raw
+            .get_or_insert_with(|| RawSamples::new(segment, conversion.index));
+        raw.push(&conversion.codes);
+        if raw.is_full() {
+            self.close_raw();
+        }
+    }
+
+    /// Counts what went wrong and reports it when it begins; `conversions` is how many the converter made.
+    pub fn fail(&mut self, error: adc::Error, conversions: u64) {
+        self.reach(conversions);
+        if matches!(error, adc::Error::Checksum(_)) {
+            self.checksum_errors = self.checksum_errors.saturating_add(1);
+        }
+        let fault = Fault::from(error);
+        self.last_fault = Some(fault);
+        let kind = core::mem::discriminant(&fault);
+        if self.trouble.replace(kind) != Some(kind) {
+            let sample = self.next;
+            self.link.offer(Report::Fault { sample, fault });
+        }
+    }
+
+    /// Carries out the orders that wait, after `conversions` of the converter.
+    pub fn obey(&mut self, conversions: u64, clock_us: impl FnOnce() -> u64) {
+        let Some(mut order) = self.link.order() else {
+            return;
+        };
+        self.reach(conversions);
+        let clock_us = clock_us();
+        loop {
+            let mut state = None;
+            match order.action {
+                Action::Mark => {}
+                Action::Begin(segment) => {
+                    self.close_raw();
+                    self.close_block();
+                    self.segment = segment;
+                }
+                Action::Stream(on) => {
+                    self.close_raw();
+                    self.streaming = on;
+                }
+                Action::Zero(zero) => {
+                    self.close_block();
+                    self.zero = zero;
+                    self.accumulator = Accumulator::new(zero);
+                }
+                Action::State => state = Some(self.state(clock_us)),
+            }
+            self.link.answer(Report::Done {
+                sequence: order.sequence,
+                sample: self.next,
+                state,
+            });
+            match self.link.order() {
+                Some(next) => order = next,
+                None => return,
+            }
+        }
+    }
+
+    /// The counters; those of the application are zero.
+    fn state(&self, clock_us: u64) -> State {
+        State {
+            segment: self.segment,
+            streaming: self.streaming,
+            compensating: false,
+            clock_us,
+            conversions: self.next,
+            samples: self.samples,
+            lost: self.next - self.samples,
+            dropped_frames: self.link.dropped_frames(),
+            dropped_samples: self.link.dropped_samples(),
+            converter_checksum_errors: self.checksum_errors,
+            converter_resets: self.resets,
+            rejected_frames: 0,
+            last_fault: self.last_fault,
+        }
+    }
+
+    /// Conversions up to this index that did not come are lost.
+    fn reach(&mut self, index: u64) {
+        let gap = index.saturating_sub(self.next);
+        if gap > 0 {
+            self.close_raw();
+            let gap32 = u32::try_from(gap).unwrap_or(u32::MAX);
+            self.lost = self.lost.saturating_add(gap32);
+            self.next = index;
+        }
+    }
+
+    fn close_raw(&mut self) {
+        if let Some(raw) = self.raw.take() {
+            self.link.offer(Report::Raw(raw));
+        }
+    }
+
+    fn close_block(&mut self) {
+        // The counts have not overflowed, so there are moments unless all were lost.
+        let moments = match self.accumulator.close() {
+            Ok(Some(moments)) => moments.to_wire(),
+            _ => Moments {
+                zero: self.zero,
+                ..Moments::default()
+            },
+        };
+        if self.count > 0 || self.lost > 0 {
+            self.link.offer(Report::Block(Block {
+                segment: self.segment,
+                first_sample: self.first_sample,
+                count: self.count,
+                lost: self.lost,
+                moments,
+            }));
+        }
+        self.first_sample = self.next;
+        self.count = 0;
+        self.lost = 0;
+    }
+
+    /// Reports that wait for the line.
+    pub fn waiting(&self) -> usize {
+        self.link.waiting()
+    }
+}
+
+/// A converter and the sampler behind it: the loop that runs above everything else.
+pub struct Acquisition<'q, SPI, DRDY, RESET, DELAY, TIMERS> {
+    converter: Ads131m04<SPI, DRDY, RESET, DELAY, TIMERS>,
+    sampler: Sampler<'q>,
+    reset: Reset,
+    ready: bool,
+    started: bool,
+}
+
+impl<'q, SPI, DRDY, RESET, DELAY, TIMERS> Acquisition<'q, SPI, DRDY, RESET, DELAY, TIMERS>
+where
+    SPI: SpiDevice,
+    DRDY: Wait,
+    RESET: OutputPin,
+    DELAY: DelayNs,
+    TIMERS: Timers,
+{
+    /// Of a converter that is not yet set up, and is reset in that way whenever it needs to be.
+    pub fn new(
+        converter: Ads131m04<SPI, DRDY, RESET, DELAY, TIMERS>,
+        sampler: Sampler<'q>,
+        reset: Reset,
+    ) -> Self {
+        Self {
+            converter,
+            sampler,
+            reset,
+            ready: false,
+            started: false,
+        }
+    }
+
+    /// Carries out what was ordered, then waits for one conversion or one failure. Takes no longer
+    /// than the converter's patience, so that orders are heard whatever the converter does. Call it for ever.
+    pub async fn step(&mut self) {
+        let conversions = self.converter.conversions();
+        let Self {
+            converter, sampler, ..
+        } = self;
+        sampler.obey(conversions, || converter.now_us());
+        if !self.ready {
+            return self.set_up().await;
+        }
+        match self.converter.next().await {
+            Ok(conversion) => self.sampler.take(&conversion),
+            Err(error) => {
+                self.sampler.fail(error, self.converter.conversions());
+                self.ready = !error.needs_initialise();
+                if matches!(error, adc::Error::Spi(_)) {
+                    // Nothing else takes time while the bus fails at once.
+                    self.converter.pause_half_a_period().await;
+                }
+            }
+        }
+    }
+
+    async fn set_up(&mut self) {
+        match self.converter.initialise(self.reset).await {
+            Ok(()) => {
+                if self.started {
+                    self.sampler.resets = self.sampler.resets.saturating_add(1);
+                }
+                self.started = true;
+                self.ready = true;
+            }
+            Err(error) => {
+                self.sampler.fail(error, self.converter.conversions());
+                self.converter.pause_us(RETRY_US).await;
+            }
+        }
+    }
+
+    /// Reports that wait for the line: what to wake the application for.
+    pub fn waiting(&self) -> usize {
+        self.sampler.waiting()
+    }
+}
