@@ -13,6 +13,7 @@
 //! | [`tumble`] | the static test on a dividing head: series, dial angle, specific force | |
 //! | [`identify`] | coefficients from dial readings, with rank, blind directions, covariance | (10)-(17) |
 //! | [`moments`] | streaming, mergeable moments of the converter's codes | (2) |
+//! | [`compensate`] | vibration error taken out on board | (1), (2) |
 //! | [`slope`] | measured vibration error by integration and line fit | |
 //! | [`wire`] | messages between instrument and host, and their framing | |
 //!
@@ -24,6 +25,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod compensate;
 pub mod identify;
 pub mod model;
 pub mod moments;

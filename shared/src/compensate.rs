@@ -1,0 +1,425 @@
+//! Compensation on board: the specific force from a block of samples, freed of vibration error.
+//!
+//! ```text
+//! u(a) + VRE(a, w) = M[U] / K1,   solved for a by Newton's method; VRE in the moment form of (2)
+//! ```
+//!
+//! Within one block this is no approximation: the mean of (1) over any finite set of samples *is* (1) at their mean
+//! plus the moment form with their central moments. What remains is what the moments do not see: the converter's
+//! sinc3 filter, whose droop is corrected by the mean-square frequency of the block, and the noise of the reference.
+//! The second mode inverts (1) sample by sample and is for an instrument that is fast enough to follow the vibration.
+//!
+//! [`Compensator`] is what does not change from sample to sample, [`CompensatorState`] what does. `f32` is enough:
+//! the correction is small, and the mean comes from an integer sum.
+
+use crate::model::{Coefficients, NOMINAL, SpecificForce};
+use crate::moments::{CHANNELS, Moments};
+use crate::rectification::Sensitivity;
+use crate::scalar::Real;
+use crate::vibration::{self, AbsoluteMean};
+
+/// Where the vibration's moments come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// The triaxial reference accelerometer, channels 1 to 3.
+    #[default]
+    Reference,
+    /// The instrument's own signal on IA; cross-couplings are left out. For an instrument that follows the vibration.
+    Instrument,
+}
+
+/// How the block's mean is freed of vibration error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// By the block's moments.
+    #[default]
+    Block,
+    /// By inverting (1) for each sample, with the reference's P and O of the same instant.
+    Pointwise,
+}
+
+/// What a compensated block is worth, as bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quality(pub u8);
+
+impl Quality {
+    /// A code reached the end of the converter's range.
+    pub const SATURATED: u8 = 1 << 0;
+    /// The reference's channels stand still or are saturated: the instrument's own signal was taken.
+    pub const REFERENCE_LOST: u8 = 1 << 1;
+    /// No coefficients: the output is the mean over the nominal scale factor.
+    pub const COEFFICIENTS_MISSING: u8 = 1 << 2;
+    /// The coefficients' plan left a direction undetermined, which the uncertainty does not cover.
+    pub const PLAN_BLIND: u8 = 1 << 3;
+    /// The vibration's mean-square frequency is above the band for which the compensation is claimed.
+    pub const OUT_OF_BAND: u8 = 1 << 4;
+    /// Newton's method did not settle: no specific force gives this output.
+    pub const NO_SOLUTION: u8 = 1 << 5;
+
+    /// True when the block has none of these.
+    pub const fn is_sound(self) -> bool {
+        self.0 == 0
+    }
+
+    /// True when the block has this one.
+    pub const fn has(self, flag: u8) -> bool {
+        self.0 & flag != 0
+    }
+}
+
+/// What identification says of an instrument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calibration<T> {
+    /// The coefficients of (1).
+    pub coefficients: Coefficients<T>,
+    /// Covariance of the eleven nominal coefficients, in the order of [`Coefficients::to_nominal`].
+    pub covariance: [[T; NOMINAL]; NOMINAL],
+    /// Rank of the plan that gave them, 0 to 11; below 11 it is blind to something.
+    pub rank: u8,
+}
+
+/// How codes become volts and g.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scaling<T> {
+    /// Volts of one code of the instrument's channel.
+    pub instrument_v_per_code: T,
+    /// Scale factor of an instrument without coefficients, V/g, > 0.
+    pub nominal_v_per_g: T,
+    /// Specific force of one code of the reference's channels I, P and O, g.
+    pub reference_g_per_code: [T; 3],
+    /// Codes of zero specific force of the reference's channels I, P and O.
+    pub reference_zero: [i32; 3],
+}
+
+/// Everything that stays the same from block to block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compensator<T> {
+    calibration: Option<Calibration<T>>,
+    scaling: Scaling<T>,
+    source: Source,
+    mode: Mode,
+    /// Of the instrument's channel; wider than the hot path, since it scales the whole of the output.
+    g_per_code: f64,
+    zero: [i32; CHANNELS],
+}
+
+/// A compensated block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compensated<T> {
+    /// Mean specific force on IA, g.
+    pub specific_force_g: T,
+    /// The vibration error that was taken out, g.
+    pub vre_g: T,
+    /// Its standard uncertainty from the coefficients' covariance, g.
+    pub vre_sigma_g: T,
+    /// What this is worth.
+    pub quality: Quality,
+}
+
+impl Mode {
+    /// The highest frequency for which compensation is claimed, as a part of the sample rate. By moments 1/16: 250 Hz at
+    /// 4 kSPS, 1 kHz at 16 kSPS, 2 kHz at 32 kSPS. Point by point 1/40 (100 Hz, 400 Hz, 800 Hz): the samples
+    /// cannot be rid of the converter's droop.
+    pub const fn claimed_band(self) -> f64 {
+        match self {
+            Self::Block => 1.0 / 16.0,
+            Self::Pointwise => 1.0 / 40.0,
+        }
+    }
+
+    /// sin^2(pi [`claimed_band`](Self::claimed_band)): the mean square of half the step from sample to sample over the
+    /// variance, for a sine at the band's upper end.
+    const fn half_step_limit(self) -> f64 {
+        match self {
+            Self::Block => 0.038_060_233_744_356_62,
+            Self::Pointwise => 0.006_155_829_702_431_115,
+        }
+    }
+}
+
+/// Vibration of a smaller rms than this, g, rectifies nothing that matters, and may have any frequency.
+const QUIET_RMS_G: f64 = 1e-3;
+
+/// Largest magnitude of a code that counts as within range.
+const FULL_SCALE: i32 = (1 << 23) - 1;
+
+/// Newton steps; the error shrinks at least a hundredfold with each.
+const STEPS: usize = 4;
+
+impl<T: Real> Compensator<T> {
+    /// A compensator; without a calibration it gives the plain mean and says so.
+    pub fn new(
+        calibration: Option<Calibration<T>>,
+        scaling: Scaling<T>,
+        source: Source,
+        mode: Mode,
+    ) -> Self {
+        let k1 = match &calibration {
+            Some(known) => known.coefficients.scale_factor_v_per_g,
+            None => scaling.nominal_v_per_g,
+        };
+        let g_per_code = scaling.instrument_v_per_code.to_f64() / k1.to_f64();
+        let bias_g = match &calibration {
+            Some(known) => known.coefficients.bias_g.to_f64(),
+            None => 0.0,
+        };
+        let [i, p, o] = scaling.reference_zero;
+        Self {
+            calibration,
+            scaling,
+            source,
+            mode,
+            g_per_code,
+            // The conversion saturates, as the channel does.
+            zero: [(bias_g / g_per_code) as i32, i, p, o],
+        }
+    }
+
+    /// The codes that the moments' mean modulus is to be taken about: zero specific force on every channel.
+    pub fn zero(&self) -> [i32; CHANNELS] {
+        self.zero
+    }
+
+    /// The specific force on IA, g, that gives the output `u_g` = U/K1 with these on PA and OA: (1) inverted.
+    #[inline]
+    pub fn invert_g(&self, u_g: T, p_g: T, o_g: T) -> T {
+        let Some(c) = &self.calibration else {
+            return u_g;
+        };
+        // Two steps from U/K1 leave the square of the square of the nonlinearity.
+        let step = |i: T| {
+            let a = SpecificForce::new(i, p_g, o_g);
+            i - (c.coefficients.error_g(a) + (i - u_g)) / c.coefficients.gradient(a).i
+        };
+        step(step(u_g))
+    }
+
+    fn reference_g(&self, channel: usize, code: i32) -> T {
+        let from_zero = i64::from(code) - i64::from(self.scaling.reference_zero[channel]);
+        T::from_i64(from_zero) * self.scaling.reference_g_per_code[channel]
+    }
+
+    /// The block whose samples went into `moments` and `state`.
+    fn block(&self, moments: &Moments<T>, state: &CompensatorState<T>) -> Compensated<T> {
+        let mut quality = 0;
+        let reaches_end =
+            |k: usize| moments.min()[k] < -FULL_SCALE || moments.max()[k] >= FULL_SCALE;
+        if (0..CHANNELS).any(reaches_end) {
+            quality |= Quality::SATURATED;
+        }
+        let stands_still = |k: usize| moments.min()[k] == moments.max()[k];
+        let lost = (1..CHANNELS).all(stands_still) || (1..CHANNELS).any(reaches_end);
+        if lost {
+            quality |= Quality::REFERENCE_LOST;
+        }
+        let mean_code = moments.sum()[0] as f64 / moments.count() as f64;
+        let mean_g = T::lit(mean_code * self.g_per_code);
+        let Some(calibration) = &self.calibration else {
+            return Compensated {
+                specific_force_g: mean_g,
+                vre_g: T::zero(),
+                vre_sigma_g: T::infinity(),
+                quality: Quality(quality | Quality::COEFFICIENTS_MISSING),
+            };
+        };
+        if usize::from(calibration.rank) < NOMINAL {
+            quality |= Quality::PLAN_BLIND;
+        }
+        let own = lost || self.source == Source::Instrument;
+        let (channel, to_g) = if own {
+            (0, T::lit(self.g_per_code))
+        } else {
+            (1, self.scaling.reference_g_per_code[0])
+        };
+        let droop = state.droop(channel, moments);
+        let vibration = self.vibration(moments, state, channel, to_g, droop.gain);
+        let quiet = vibration.m2_g2 < T::lit(QUIET_RMS_G * QUIET_RMS_G);
+        if !quiet && droop.half_step > T::lit(self.mode.half_step_limit()) {
+            quality |= Quality::OUT_OF_BAND;
+        }
+        let transverse = if lost {
+            [T::zero(); 2]
+        } else {
+            let about = moments.mean_about(self.zero);
+            let [_, p, o] = self.scaling.reference_g_per_code;
+            [about[2] * p, about[3] * o]
+        };
+        let c = &calibration.coefficients;
+        let mut a = SpecificForce::new(mean_g, transverse[0], transverse[1]);
+        let mut sensitivity = sensitivity(a.i, &vibration);
+        let mut correction = T::zero();
+        for _ in 0..STEPS {
+            sensitivity = self::sensitivity(a.i, &vibration);
+            let excess = c.error_g(a) + (a.i - mean_g) + sensitivity.vre_g(c);
+            correction = excess / c.gradient(a).i;
+            a.i -= correction;
+        }
+        let settled = correction.abs() <= T::epsilon() * T::lit(16.0) * (T::one() + a.i.abs());
+        if !settled {
+            quality |= Quality::NO_SOLUTION;
+        }
+        let vre_g = sensitivity.vre_g(c);
+        let specific_force_g = match self.mode {
+            Mode::Pointwise if state.count > 0 => {
+                mean_g - state.removed_g / T::from_i64(i64::from(state.count))
+            }
+            _ => a.i,
+        };
+        Compensated {
+            specific_force_g,
+            vre_g,
+            vre_sigma_g: sensitivity
+                .variance_g2(&calibration.covariance)
+                .max(T::zero())
+                .sqrt(),
+            quality: Quality(quality),
+        }
+    }
+
+    /// The vibration of a block in g, its droop corrected by `gain` (of squares).
+    fn vibration(
+        &self,
+        moments: &Moments<T>,
+        state: &CompensatorState<T>,
+        channel: usize,
+        to_g: T,
+        gain: T,
+    ) -> vibration::Moments<T> {
+        let square = to_g * to_g * gain;
+        let m3_g3 = moments.m3()[channel] * square * to_g * gain.sqrt();
+        let m2_g2 = moments.m2()[channel] * square;
+        // M|x| - |M[x]| keeps its digits, both being about the same zero code; and M[x sign x - x0 sign x] is its
+        // derivative by the vibration's amplitude, which the droop makes too small.
+        let modulus = moments.mean_modulus()[channel];
+        let offset = moments.mean_about(moments.zero())[channel];
+        let by_amplitude = modulus - offset * state.mean_sign(channel);
+        let excess_g = (modulus - offset.abs() + (gain.sqrt() - T::one()) * by_amplitude) * to_g;
+        let [_, p, o] = self.scaling.reference_g_per_code;
+        let [ip, io, po] = if channel == 0 {
+            [T::zero(); 3]
+        } else {
+            moments.reference_cross()
+        };
+        vibration::Moments {
+            m2_g2,
+            m3_g3,
+            m4_g4: moments.m4()[channel] * square * square,
+            // Odd moments beyond the third are those of the Gram-Charlier density.
+            m5_g5: T::lit(10.0) * m3_g3 * m2_g2,
+            cross_ip_g2: ip * to_g * p * gain,
+            cross_io_g2: io * to_g * o * gain,
+            cross_po_g2: po * p * o * gain,
+            absolute: AbsoluteMean::Measured(excess_g),
+        }
+    }
+}
+
+/// The sensitivity at `a0_g`; `vibration.absolute` holds the excess over |a0|, g.
+fn sensitivity<T: Real>(a0_g: T, vibration: &vibration::Moments<T>) -> Sensitivity<T> {
+    let absolute = match vibration.absolute {
+        AbsoluteMean::Measured(excess_g) => AbsoluteMean::Measured(a0_g.abs() + excess_g),
+        other => other,
+    };
+    Sensitivity::new(
+        a0_g,
+        vibration::Moments {
+            absolute,
+            ..*vibration
+        },
+    )
+}
+
+/// What a block gathers beside its moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CompensatorState<T> {
+    count: u32,
+    last: Option<[i32; 2]>,
+    /// Sums of the squared steps from sample to sample of the instrument and the reference's I, codes^2.
+    squared_steps: [i64; 2],
+    /// Samples below the zero code, of the same two.
+    below: [u32; 2],
+    /// What point-wise inversion took out, summed over the block, g.
+    removed_g: T,
+}
+
+/// The converter's droop over a block.
+struct Droop<T> {
+    /// What squares of the vibration are to be multiplied with.
+    gain: T,
+    /// Mean square of half the step from sample to sample over the variance: sin^2(pi f / rate) of a sine.
+    half_step: T,
+}
+
+impl<T: Real> CompensatorState<T> {
+    /// Before the first sample.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes one sample of four codes.
+    #[inline]
+    pub fn push(&mut self, compensator: &Compensator<T>, codes: [i32; CHANNELS]) {
+        let now = [codes[0], codes[1]];
+        if let Some(last) = self.last {
+            for k in 0..2 {
+                let step = i64::from(now[k]) - i64::from(last[k]);
+                self.squared_steps[k] = self.squared_steps[k].saturating_add(step * step);
+            }
+        }
+        for k in 0..2 {
+            self.below[k] += u32::from(now[k] < compensator.zero[k]);
+        }
+        self.last = Some(now);
+        self.count = self.count.saturating_add(1);
+        if compensator.mode == Mode::Pointwise {
+            let u_g = T::from_i64(i64::from(codes[0])) * T::lit(compensator.g_per_code);
+            let p_g = compensator.reference_g(1, codes[2]);
+            let o_g = compensator.reference_g(2, codes[3]);
+            self.removed_g += u_g - compensator.invert_g(u_g, p_g, o_g);
+        }
+    }
+
+    /// Forgets the last sample: what follows comes after a gap.
+    pub fn interrupt(&mut self) {
+        self.last = None;
+    }
+
+    /// Ends the block whose samples went into `moments`, and begins the next.
+    pub fn close(&mut self, compensator: &Compensator<T>, moments: &Moments<T>) -> Compensated<T> {
+        let block = compensator.block(moments, self);
+        *self = Self {
+            last: self.last,
+            ..Self::default()
+        };
+        block
+    }
+
+    /// Mean of the sign of a channel's distance from its zero code.
+    fn mean_sign(&self, channel: usize) -> T {
+        let count = i64::from(self.count.max(1));
+        T::from_i64(count - 2 * i64::from(self.below[channel])) / T::from_i64(count)
+    }
+
+    /// A sine of frequency f passes the sinc3 filter as (sin x / x)^3, x = pi f / rate, and sin^2 x is `half_step`.
+    /// 1 / sinc^2 = (asin s / s)^2 = 1 + s^2/3 + 8 s^4/45 + 4 s^6/35 + ..., which is exact for a sine, and for a wider
+    /// spectrum to the first order in its mean square frequency.
+    fn droop(&self, channel: usize, moments: &Moments<T>) -> Droop<T> {
+        let variance = moments.m2()[channel];
+        let steps = T::from_i64(i64::from(self.count.max(1)));
+        if variance <= T::zero() {
+            return Droop {
+                gain: T::one(),
+                half_step: T::zero(),
+            };
+        }
+        let mean_square_step = T::from_i64(self.squared_steps[channel]) / steps;
+        let half_step = (mean_square_step / (T::lit(4.0) * variance)).min(T::one());
+        let s2 = half_step.min(T::lit(0.5));
+        let gain = T::one()
+            + s2 * (T::lit(1.0 / 3.0) + s2 * (T::lit(8.0 / 45.0) + s2 * T::lit(4.0 / 35.0)));
+        Droop {
+            gain: gain * gain * gain,
+            half_step,
+        }
+    }
+}
