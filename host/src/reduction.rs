@@ -170,7 +170,10 @@ impl SegmentSums {
     /// [`SlopeError::TooShort`].
     pub fn drift_v_per_s(&self, duration_s: f64) -> Result<(f64, f64), SlopeError> {
         let [first, .., last] = &self.quarters;
-        let (first, last) = (first.line_fit_estimate()?, last.line_fit_estimate()?);
+        let (first, last) = (
+            first.line_fit_estimate(first.count())?,
+            last.line_fit_estimate(last.count())?,
+        );
         // The quarters' centres are three quarters of the duration apart.
         let apart_s = 0.75 * duration_s;
         Ok((

@@ -93,6 +93,34 @@ pub struct Estimate {
     pub degrees_of_freedom: f64,
 }
 
+impl Estimate {
+    /// The difference of two independent figures; degrees of freedom by Welch and Satterthwaite, JCGM
+    /// 100:2008 (G.2b).
+    pub fn minus(self, other: Self) -> Self {
+        let (a, b) = (self.sigma * self.sigma, other.sigma * other.sigma);
+        let spread = a * a / self.degrees_of_freedom + b * b / other.degrees_of_freedom;
+        let variance = a + b;
+        Self {
+            value: self.value - other.value,
+            sigma: variance.sqrt(),
+            degrees_of_freedom: if spread > 0.0 {
+                variance * variance / spread
+            } else {
+                f64::INFINITY
+            },
+        }
+    }
+
+    /// In another unit.
+    pub fn divided_by(self, unit: f64) -> Self {
+        Self {
+            value: self.value / unit,
+            sigma: self.sigma / unit.abs(),
+            ..self
+        }
+    }
+}
+
 /// The measured vibration error, g.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VibrationError {
@@ -201,23 +229,6 @@ impl Trace {
         (self.count > 0).then_some(self.origin + slope)
     }
 
-    /// The slope of [`Self::line_fit`] with its standard uncertainty, from this trace alone.
-    ///
-    /// # Errors
-    /// [`SlopeError::TooShort`].
-    pub fn line_fit_estimate(&self) -> Result<Estimate, SlopeError> {
-        let short = SlopeError::TooShort { count: self.count };
-        let noise = self.noise(self.count)?;
-        let white = Window::Parabola.noise() * noise.density / self.count as f64;
-        let variance = white + self.leakage(Window::Parabola, 4);
-        Ok(Estimate {
-            value: self.line_fit().ok_or(short)?,
-            sigma: variance.sqrt(),
-            // Welch and Satterthwaite; the leakage counts as known.
-            degrees_of_freedom: noise.degrees_of_freedom * (variance / white).powi(2),
-        })
-    }
-
     /// Noise at low frequencies, for a mean over `span` samples, which may be more than there are.
     ///
     /// # Errors
@@ -244,6 +255,46 @@ impl Trace {
             }
         }
         best.ok_or(SlopeError::TooShort { count: self.count })
+    }
+
+    /// [`Self::mean`] with its uncertainty, for comparison with another trace; `span` is the number of samples
+    /// of both together, over which the noise at low frequencies acts.
+    ///
+    /// # Errors
+    /// [`SlopeError::TooShort`].
+    pub fn mean_estimate(&self, span: u64) -> Result<Estimate, SlopeError> {
+        self.estimate(self.mean(), Window::Box, 2, span)
+    }
+
+    /// [`Self::line_fit`] with its uncertainty, as [`Self::mean_estimate`].
+    ///
+    /// # Errors
+    /// [`SlopeError::TooShort`].
+    pub fn line_fit_estimate(&self, span: u64) -> Result<Estimate, SlopeError> {
+        self.estimate(self.line_fit(), Window::Parabola, 4, span)
+    }
+
+    fn estimate(
+        &self,
+        value: Option<f64>,
+        window: Window,
+        power: i32,
+        span: u64,
+    ) -> Result<Estimate, SlopeError> {
+        let noise = self.noise(span)?;
+        let from_noise = window.noise() * noise.density / self.count as f64;
+        let variance = from_noise + self.leakage(window, power);
+        let share = from_noise / variance;
+        Ok(Estimate {
+            value: value.ok_or(SlopeError::TooShort { count: self.count })?,
+            sigma: variance.sqrt(),
+            // The leakage is a bound, known as well as need be (G.2b of JCGM 100:2008).
+            degrees_of_freedom: if share > 0.0 {
+                noise.degrees_of_freedom / (share * share)
+            } else {
+                f64::INFINITY
+            },
+        })
     }
 
     /// Variance that the vibration itself adds to a full-length mean under the window, by not filling it
@@ -280,43 +331,12 @@ pub fn vibration_error(
             v_per_g: scale_factor_v_per_g,
         });
     }
-    let short = |trace: &Trace| SlopeError::TooShort { count: trace.count };
-    let zero = before.mean().ok_or(short(before))?;
-    let mean = during.mean().ok_or(short(during))?;
-    let slope = during.line_fit().ok_or(short(during))?;
     let span = before.count + during.count;
-    let (quiet, shaken) = (before.noise(span)?, during.noise(span)?);
-    let estimate = |value: f64, window: Window, power: i32| {
-        let terms = [
-            (
-                quiet.density / before.count as f64,
-                quiet.degrees_of_freedom,
-            ),
-            (
-                window.noise() * shaken.density / during.count as f64,
-                shaken.degrees_of_freedom,
-            ),
-            (
-                before.leakage(Window::Box, 2) + during.leakage(window, power),
-                f64::INFINITY,
-            ),
-        ];
-        let variance: f64 = terms.iter().map(|(v, _)| v).sum();
-        // Welch and Satterthwaite, JCGM 100:2008 (G.2b).
-        let spread: f64 = terms.iter().map(|(v, freedom)| v * v / freedom).sum();
-        Estimate {
-            value: value / scale_factor_v_per_g,
-            sigma: variance.sqrt() / scale_factor_v_per_g.abs(),
-            degrees_of_freedom: if spread > 0.0 {
-                variance * variance / spread
-            } else {
-                f64::INFINITY
-            },
-        }
-    };
+    let zero = before.mean_estimate(span)?;
+    let in_g = |estimate: Estimate| estimate.minus(zero).divided_by(scale_factor_v_per_g);
     Ok(VibrationError {
-        line_fit: estimate(slope - zero, Window::Parabola, 4),
-        mean_difference: estimate(mean - zero, Window::Box, 2),
+        line_fit: in_g(during.line_fit_estimate(span)?),
+        mean_difference: in_g(during.mean_estimate(span)?),
     })
 }
 

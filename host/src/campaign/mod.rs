@@ -29,6 +29,7 @@ pub use vibration_table::{
 use crate::error::{Error, Problem};
 use crate::output::write_file;
 use table::Row;
+pub(crate) use table::{RowLimited, read_error};
 
 /// All the measurements of one instrument.
 #[derive(Clone, Debug, PartialEq)]

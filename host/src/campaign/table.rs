@@ -29,10 +29,7 @@ impl Table {
         let source = File::open(file).map_err(Error::read(file))?;
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
-            .from_reader(RowLimited {
-                source,
-                since_row: 0,
-            });
+            .from_reader(RowLimited::new(source));
         let header = reader
             .headers()
             .map_err(|error| read_error(file, &[], error))?;
@@ -86,7 +83,7 @@ impl Table {
     /// The next row, or none after the last. A table without rows, or with more than [`MAX_ROWS`], is an
     /// error.
     pub(super) fn next_row(&mut self) -> Result<Option<Row<'_>>, Error> {
-        self.reader.get_mut().since_row = 0;
+        self.reader.get_mut().begin_row();
         let mut record = StringRecord::new();
         let more = self
             .reader
@@ -227,7 +224,7 @@ impl Row<'_> {
     }
 }
 
-fn read_error(file: &Path, columns: &[String], error: csv::Error) -> Error {
+pub(crate) fn read_error(file: &Path, columns: &[String], error: csv::Error) -> Error {
     let position = error.position().map(csv::Position::line);
     let place = |column: Option<usize>| Place {
         file: file.into(),
@@ -259,9 +256,23 @@ fn read_error(file: &Path, columns: &[String], error: csv::Error) -> Error {
 }
 
 /// A reader that gives up when a row does not end.
-struct RowLimited<R> {
+pub(crate) struct RowLimited<R> {
     source: R,
     since_row: usize,
+}
+
+impl<R> RowLimited<R> {
+    pub(crate) fn new(source: R) -> Self {
+        Self {
+            source,
+            since_row: 0,
+        }
+    }
+
+    /// To be called before each row.
+    pub(crate) fn begin_row(&mut self) {
+        self.since_row = 0;
+    }
 }
 
 impl<R: Read> Read for RowLimited<R> {

@@ -44,6 +44,7 @@ macro_rules! commands {
 commands! {
     diagnose::Diagnose,
     identify::Identify,
+    measure::Measure,
     paper::Paper,
     plan::Plan,
     predict::Predict,

@@ -1,0 +1,448 @@
+//! The measured shift of a mean, its uncertainty, and what else could have made it.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use host::measure::{
+    Calibration, Columns, Kind, Measurement, Request, Selection, Verdict, measure,
+};
+use proptest::prelude::*;
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use shared::moments::Accumulator;
+use shared::wire::Event;
+use shared::wire::framing::Frame;
+use shared::wire::message::{Block, Identity, Plateau, Raw, Run, Segment, pack};
+use shared::wire::version::{CURRENT, MINIMUM};
+
+fn normal(rng: &mut StdRng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+fn calibration() -> Calibration {
+    Calibration {
+        units_per_g: 1.0,
+        full_scale_g: None,
+        temperature_sensitivity_g_per_c: None,
+    }
+}
+
+fn columns(outputs: &[&str]) -> Columns {
+    Columns {
+        outputs: outputs.iter().map(|&name| name.into()).collect(),
+        time: None,
+        temperature: None,
+    }
+}
+
+fn windows(before: &str, during: &str) -> Request {
+    Request {
+        columns: Columns {
+            time: Some(("t".into(), 1.0)),
+            ..columns(&["u"])
+        },
+        selection: Some(Selection::parse(None, before, during, None).unwrap()),
+        run: None,
+        calibration: calibration(),
+    }
+}
+
+fn groups(outputs: &[&str]) -> Request {
+    Request {
+        columns: columns(outputs),
+        selection: Some(Selection::parse(Some("file"), "quiet*", "saw*", None).unwrap()),
+        run: None,
+        calibration: calibration(),
+    }
+}
+
+fn run(content: &[u8], request: &Request) -> Result<Measurement, host::error::Error> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("raw.csv");
+    fs::write(&file, content).unwrap();
+    measure(&file, request)
+}
+
+/// One record at 200 Hz: 10 s at rest, 15 s under a sine and the shift.
+fn one_record(rng: &mut StdRng, shift: f64) -> String {
+    let mut table = String::from("t,u\n");
+    let (frequency, phase) = (
+        rng.random_range(15.0..60.0),
+        rng.random_range(0.0..std::f64::consts::TAU),
+    );
+    for n in 0..5000 {
+        let t = f64::from(n) / 200.0;
+        let shaken = shift + (std::f64::consts::TAU * frequency * t + phase).sin();
+        let u = 1e-3 * normal(rng) + if t >= 10.0 { shaken } else { 0.0 };
+        let _ = writeln!(table, "{t},{u}");
+    }
+    table
+}
+
+/// Six files on either side of 200 samples; `offset` gives a file's mean on each axis.
+fn files(rng: &mut StdRng, offset: impl Fn(&mut StdRng, usize, bool) -> [f64; 3]) -> String {
+    let mut table = String::from("file,x,y,z\n");
+    for file in 0..12 {
+        let during = file >= 6;
+        let name = if during { "saw" } else { "quiet" };
+        let mean = offset(rng, file, during);
+        for _ in 0..200 {
+            let [x, y, z] = mean.map(|mean| mean + 1e-3 * normal(rng));
+            let _ = writeln!(table, "{name}{file},{x},{y},{z}");
+        }
+    }
+    table
+}
+
+#[test]
+fn the_shift_in_one_record_lies_in_its_interval_as_often_as_claimed() {
+    let seeds = 150;
+    let held = (0..seeds)
+        .filter(|&seed| {
+            let table = one_record(&mut StdRng::seed_from_u64(seed), 5e-4);
+            let found = run(table.as_bytes(), &windows("0..10", "10..30")).unwrap();
+            let [low, high] = found.axes[0].interval_95_g;
+            (low..high).contains(&5e-4)
+        })
+        .count();
+    assert!(held as f64 > 0.88 * seeds as f64, "{held} of {seeds}");
+}
+
+#[test]
+fn a_shift_in_one_record_is_attributed_and_none_is_not() {
+    let mut rng = StdRng::seed_from_u64(1);
+    for (shift, verdict) in [(0.0, Verdict::NoShift), (5e-3, Verdict::Attributable)] {
+        let table = one_record(&mut rng, shift);
+        assert_eq!(
+            run(table.as_bytes(), &windows("0..10", "10..30"))
+                .unwrap()
+                .verdict,
+            verdict
+        );
+    }
+}
+
+#[test]
+fn the_scatter_between_files_counts() {
+    let seeds = 150;
+    let held = (0..seeds)
+        .filter(|&seed| {
+            let mut rng = StdRng::seed_from_u64(seed);
+            let table = files(&mut rng, |rng, _, during| {
+                [0, 1, 2].map(|_| 2e-3 * normal(rng) + if during { 1e-3 } else { 0.0 })
+            });
+            let found = run(table.as_bytes(), &groups(&["x"])).unwrap();
+            let [low, high] = found.axes[0].interval_95_g;
+            (low..high).contains(&1e-3)
+        })
+        .count();
+    assert!(held as f64 > 0.88 * seeds as f64, "{held} of {seeds}");
+}
+
+#[test]
+fn a_turn_of_the_instrument_is_not_called_a_vibration_error() {
+    let table = files(&mut StdRng::seed_from_u64(2), |_, _, during| {
+        let angle = if during { 0.01f64 } else { 0.0 };
+        [angle.cos(), angle.sin(), 0.0]
+    });
+    let found = run(table.as_bytes(), &groups(&["x", "y", "z"])).unwrap();
+    assert_eq!(found.axes[1].verdict, Verdict::NotAttributable);
+    assert_eq!(found.verdict, Verdict::NotAttributable);
+    let one_axis = run(table.as_bytes(), &groups(&["y"])).unwrap();
+    assert_eq!(one_axis.verdict, Verdict::NotAttributable);
+}
+
+#[test]
+fn a_shift_that_the_temperature_explains_is_not_called_a_vibration_error() {
+    let mut rng = StdRng::seed_from_u64(3);
+    let mut table = String::from("t,u,temp\n");
+    for n in 0..4000 {
+        let temperature = if n < 2000 { 25.0 } else { 26.5 };
+        let u = 1e-3 * normal(&mut rng) + 4e-3 * (temperature - 25.0);
+        let _ = writeln!(table, "{n},{u},{temperature}");
+    }
+    let mut request = windows("0..2000", "2000..4000");
+    request.columns.temperature = Some("temp".into());
+    let unknown = run(table.as_bytes(), &request).unwrap();
+    assert_eq!(unknown.verdict, Verdict::NotAttributable);
+    assert_eq!(unknown.axes[0].rivals[0].kind, Kind::Temperature);
+    assert_eq!(unknown.axes[0].rivals[0].size_g, None);
+    // A sensitivity that is known to be small acquits the temperature.
+    request.calibration.temperature_sensitivity_g_per_c = Some(1e-4);
+    assert_eq!(
+        run(table.as_bytes(), &request).unwrap().verdict,
+        Verdict::Attributable
+    );
+}
+
+#[test]
+fn the_sensitivity_to_temperature_is_found_in_four_quiet_files() {
+    let mut rng = StdRng::seed_from_u64(4);
+    let mut table = String::from("file,x,temp\n");
+    for file in 0..8 {
+        let temperature = 20.0 + f64::from(file);
+        let name = if file >= 5 { "saw" } else { "quiet" };
+        for _ in 0..400 {
+            let x = 0.3 + 2e-3 * temperature + 1e-4 * normal(&mut rng);
+            let _ = writeln!(table, "{name}{file},{x},{temperature}");
+        }
+    }
+    let mut request = groups(&["x"]);
+    request.columns.temperature = Some("temp".into());
+    let axis = run(table.as_bytes(), &request).unwrap().axes.remove(0);
+    assert_eq!(axis.verdict, Verdict::NotAttributable);
+    let size = axis.rivals[0].size_g.unwrap();
+    assert!((size - 8e-3).abs() < 1e-4, "{size}");
+}
+
+/// The vibration error is nil; all of the shift is what clipping cuts off on one side.
+#[test]
+fn clipping_is_a_rival_of_the_size_that_it_has() {
+    let mut rng = StdRng::seed_from_u64(5);
+    let mut table = String::from("t,u\n");
+    for n in 0..60_000 {
+        let sigma = if n < 20_000 { 0.003 } else { 0.5 };
+        let u = (1.0 + sigma * normal(&mut rng)).clamp(-2.0, 2.0);
+        let _ = writeln!(table, "{n},{u}");
+    }
+    let mut request = windows("0..20000", "20000..60000");
+    request.calibration.full_scale_g = Some(2.0);
+    let axis = run(table.as_bytes(), &request).unwrap().axes.remove(0);
+    // sigma (phi(2) - 2 Q(2)) of a Gaussian with sigma = 0.5, 2 sigma below the limit.
+    let expected = -0.5 * (0.053_990_97 - 2.0 * 0.022_750_13);
+    let size = axis.rivals[0].size_g.unwrap();
+    // The share of 40 000 samples is known to 3 %.
+    assert!((size / expected - 1.0).abs() < 0.1, "{size} {expected}");
+    assert!((axis.clipped_share - 0.02275).abs() < 0.003);
+    assert!(axis.rivals[0].decisive && axis.verdict != Verdict::Attributable);
+}
+
+#[test]
+fn uneven_time_is_noted_and_time_that_goes_back_is_an_error() {
+    let mut table = String::from("t,u\n");
+    let mut t = 0.0;
+    for n in 0..400 {
+        t += if n == 300 { 0.5 } else { 0.01 };
+        let _ = writeln!(table, "{t},{}", f64::from(n % 7));
+    }
+    let found = run(table.as_bytes(), &windows("0..2", "2..9")).unwrap();
+    assert!(
+        found
+            .notes
+            .iter()
+            .any(|note| note.starts_with("irregular sampling: 1 "))
+    );
+    let _ = writeln!(table, "{t},0");
+    let line = run(table.as_bytes(), &windows("0..2", "2..9"))
+        .unwrap_err()
+        .to_string();
+    assert!(line.contains("row 402, column t"), "{line}");
+}
+
+#[test]
+fn bad_input_is_one_line_with_file_row_and_column() {
+    let rows = "0.1,0\n0.2,0\n0.3,0\n";
+    let cases: [(Vec<u8>, &str); 10] = [
+        (b"".to_vec(), "is an empty file"),
+        (
+            b"t,v\n1,2\n".to_vec(),
+            "column u: is missing from the header",
+        ),
+        (b"t,u\n".to_vec(), "has no rows"),
+        (
+            format!("t,u\n{rows}1,NaN\n").into_bytes(),
+            "row 5, column u: \"NaN\" is not a finite",
+        ),
+        (
+            format!("t,u\n{rows}x,1\n").into_bytes(),
+            "row 5, column t: \"x\" is not a number",
+        ),
+        (
+            format!("t,u\n{rows}1,\n").into_bytes(),
+            "row 5, column u: is empty",
+        ),
+        (
+            format!("t,u\n{rows}1,2,3\n").into_bytes(),
+            "row 5: has 3 cells, the header 2",
+        ),
+        (b"t,u\n1,\xe9\n".to_vec(), "row 2, column u: is not UTF-8"),
+        (b"t,u\n1,2\n".to_vec(), "no sample is selected by --during"),
+        (
+            b"t,u\n1,2\n3.5,2\n".to_vec(),
+            "\"before\": 1 samples are too few",
+        ),
+    ];
+    for (content, expected) in cases {
+        let request = windows("0..2", "3..4");
+        let error = match run(&content, &request) {
+            Err(error) => error,
+            Ok(_) => panic!("{expected}"),
+        };
+        let line = error.to_string();
+        assert_eq!(error.exit_status(), 2);
+        assert!(
+            line.contains("raw.csv") && line.contains(expected),
+            "{line}; not {expected}"
+        );
+        assert!(!line.contains('\n'));
+    }
+}
+
+/// A shaker run of an instrument of 2 V/g on a converter of 1.2 V: blocks of 40 samples.
+fn recorded(shift_v: f64) -> Vec<u8> {
+    let mut rng = StdRng::seed_from_u64(6);
+    let identity = Identity {
+        minimum: MINIMUM,
+        current: CURRENT,
+        firmware: [0; 3],
+        serial: [7; 12],
+        sample_rate_hz: 4000.0,
+        reference_v: 1.2,
+        gains: [1; 4],
+        block_samples: 40,
+    };
+    let mut events = Frame::new();
+    let (mut bytes, mut sequence) = (Vec::new(), 0u16);
+    let mut send = |event: &Event<'_>| {
+        events.encode(event, sequence).unwrap();
+        sequence = sequence.wrapping_add(1);
+        bytes.extend_from_slice(events.as_bytes());
+    };
+    send(&Event::Hello(identity));
+    let mut index = 0u64;
+    for (plateau, blocks) in [
+        (Plateau::Before, 300),
+        (Plateau::During, 600),
+        (Plateau::After, 100),
+    ] {
+        for _ in 0..blocks {
+            let first_sample = index;
+            let mut moments = Accumulator::<f32>::new([0; 4]);
+            let mut codes = Vec::new();
+            for _ in 0..40 {
+                let t = index as f64 / 4000.0;
+                let shaken = shift_v + 0.3 * (std::f64::consts::TAU * 80.0 * t).sin();
+                let u = 1e-4 * normal(&mut rng)
+                    + if plateau == Plateau::During {
+                        shaken
+                    } else {
+                        0.0
+                    };
+                let code = (u / 1.2 * f64::from(1 << 23)).round() as i32;
+                moments.push([code, 0, 0, 0]).unwrap();
+                codes.extend(pack(&[code, 0, 0, 0]));
+                index += 1;
+            }
+            let moments = moments.close().unwrap().unwrap().to_wire();
+            let segment = Segment::Run(Run { run: 5, plateau });
+            send(&Event::Raw(Raw {
+                segment: Segment::Idle,
+                first_sample,
+                codes: &codes,
+            }));
+            send(&Event::Block(Block {
+                segment,
+                first_sample,
+                count: 40,
+                lost: 0,
+                moments,
+            }));
+        }
+    }
+    bytes
+}
+
+#[test]
+fn a_recorded_run_is_measured_from_its_blocks_and_from_its_raw_samples() {
+    let bytes = recorded(1e-3);
+    let mut request = windows("0..3", "3..9");
+    request.calibration.units_per_g = 2.0;
+    let from_raw = run(&bytes, &request).unwrap();
+    let from_blocks = run(
+        &bytes,
+        &Request {
+            selection: None,
+            ..request.clone()
+        },
+    )
+    .unwrap();
+    for found in [&from_raw, &from_blocks] {
+        let axis = &found.axes[0];
+        let (value, sigma) = axis.shift_g.known().unwrap();
+        assert!(
+            (value - 5e-4).abs() < 4.0 * sigma && sigma < 5e-6,
+            "{value} {sigma}"
+        );
+        assert!(
+            (axis.rms_during_g - 0.15 / 2f64.sqrt()).abs() < 1e-3,
+            "{}",
+            axis.rms_during_g
+        );
+        assert_eq!(found.verdict, Verdict::Attributable);
+    }
+    // Damaged: what is sound is measured, and what was lost is said.
+    let mut damaged = bytes;
+    damaged[40_000] ^= 0x10;
+    damaged.truncate(damaged.len() - 5);
+    let found = run(
+        &damaged,
+        &Request {
+            selection: None,
+            ..request
+        },
+    )
+    .unwrap();
+    let tally = found.record.unwrap();
+    assert!(
+        tally.missing_frames >= 1 && tally.damaged_stretches >= 2,
+        "{tally:?}"
+    );
+    assert!((found.axes[0].shift_g.value.unwrap() - 5e-4).abs() < 2e-5);
+}
+
+#[test]
+fn a_record_of_rubbish_is_an_error() {
+    let rubbish: Vec<u8> = (0..100_000u32)
+        .map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8)
+        .collect();
+    let error = run(&rubbish, &windows("0..1", "2..3")).unwrap_err();
+    assert_eq!(error.exit_status(), 2);
+    assert!(
+        error
+            .to_string()
+            .contains("not one sound frame in 100000 bytes")
+    );
+}
+
+proptest! {
+    #[test]
+    fn no_bytes_make_the_table_reader_panic(
+        header in prop::bool::ANY,
+        bytes in prop::collection::vec(any::<u8>(), 0..400),
+        text in "[0-9a-z,.\"\n\r -]{0,400}",
+    ) {
+        for tail in [bytes.as_slice(), text.as_bytes()] {
+            let head: &[u8] = if header { b"t,u,file\n" } else { b"" };
+            let content = [head, tail].concat();
+            let _ = run(&content, &windows("0..10", "10..30"));
+            let _ = run(&content, &groups(&["u"]));
+            let _ = run(&content, &Request { selection: None, ..windows("0..1", "2..3") });
+        }
+    }
+}
+
+#[test]
+fn windows_that_overlap_or_are_none_are_refused() {
+    for (before, during) in [
+        ("0..5", "4..9"),
+        ("5..1", "6..7"),
+        ("a..b", "1..2"),
+        ("1", "2..3"),
+    ] {
+        let error = Selection::parse(None, before, during, None).unwrap_err();
+        assert_eq!(error.exit_status(), 2);
+    }
+    assert!(measure(Path::new("/no/such/file"), &windows("0..1", "2..3")).is_err());
+}
