@@ -23,7 +23,10 @@ struct MeanSquare {
 
 impl MeanSquare {
     fn new() -> Self {
-        Self { sum: 0.0, count: 0.0 }
+        Self {
+            sum: 0.0,
+            count: 0.0,
+        }
     }
 
     fn add(&mut self, quantity: Quantity, truth: f64) {
@@ -38,7 +41,11 @@ impl MeanSquare {
 
     fn assert_near_one(&self, what: &str) {
         let bound = 5.0 * (2.0 / self.count).sqrt();
-        assert!((self.mean() - 1.0).abs() < bound, "{what}: mean squared z {}", self.mean());
+        assert!(
+            (self.mean() - 1.0).abs() < bound,
+            "{what}: mean squared z {}",
+            self.mean()
+        );
     }
 }
 
@@ -53,10 +60,19 @@ fn coefficients_lie_within_their_uncertainty_as_often_as_it_claims() {
         let mut per_coefficient: Vec<_> = (0..11).map(|_| MeanSquare::new()).collect();
         let mut chi2 = 0.0;
         for seed in 0..CAMPAIGNS {
-            let Simulation { campaign, truth, .. } = simulate(plan, dial_arcsec, seed);
+            let Simulation {
+                campaign, truth, ..
+            } = simulate(plan, dial_arcsec, seed);
             let found = identify(&campaign, Method::LeastSquares, None).unwrap();
-            let known = found.coefficients.iter().filter(|c| c.value.is_some()).count();
-            assert_eq!((known, found.rank), (determined, determined.min(10).max(found.rank)));
+            let known = found
+                .coefficients
+                .iter()
+                .filter(|c| c.value.is_some())
+                .count();
+            assert_eq!(
+                (known, found.rank),
+                (determined, determined.min(10).max(found.rank))
+            );
             for (k, coefficient) in found.coefficients.iter().enumerate() {
                 if coefficient.value.is_some() {
                     per_coefficient[k].add(*coefficient, truth.coefficients[k]);
@@ -64,10 +80,19 @@ fn coefficients_lie_within_their_uncertainty_as_often_as_it_claims() {
             }
             chi2 += found.chi2.unwrap() / found.dof as f64 / CAMPAIGNS as f64;
         }
-        for (k, square) in per_coefficient.iter().enumerate().filter(|(_, s)| s.count > 0.0) {
-            square.assert_near_one(&format!("{plan:?} at {dial_arcsec} arcsec, coefficient {k}"));
+        for (k, square) in per_coefficient
+            .iter()
+            .enumerate()
+            .filter(|(_, s)| s.count > 0.0)
+        {
+            square.assert_near_one(&format!(
+                "{plan:?} at {dial_arcsec} arcsec, coefficient {k}"
+            ));
         }
-        assert!((chi2 - 1.0).abs() < 0.15, "{plan:?}: reduced chi-square {chi2}");
+        assert!(
+            (chi2 - 1.0).abs() < 0.15,
+            "{plan:?}: reduced chi-square {chi2}"
+        );
     }
 }
 
@@ -75,7 +100,9 @@ fn coefficients_lie_within_their_uncertainty_as_often_as_it_claims() {
 fn closed_formulas_state_an_uncertainty_that_holds() {
     let mut per_coefficient: Vec<_> = (0..11).map(|_| MeanSquare::new()).collect();
     for seed in 0..CAMPAIGNS {
-        let Simulation { campaign, truth, .. } = simulate(Static::Paper, 5.8, 1000 + seed);
+        let Simulation {
+            campaign, truth, ..
+        } = simulate(Static::Paper, 5.8, 1000 + seed);
         let found = identify(&campaign, Method::ClosedForm, None).unwrap();
         for (k, coefficient) in found.coefficients.iter().enumerate() {
             if coefficient.value.is_some() {
@@ -83,7 +110,11 @@ fn closed_formulas_state_an_uncertainty_that_holds() {
             }
         }
     }
-    for (k, square) in per_coefficient.iter().enumerate().filter(|(_, s)| s.count > 0.0) {
+    for (k, square) in per_coefficient
+        .iter()
+        .enumerate()
+        .filter(|(_, s)| s.count > 0.0)
+    {
         square.assert_near_one(&format!("coefficient {k}"));
     }
 }
@@ -99,8 +130,11 @@ fn vibration_errors_of_runs_never_made_lie_within_the_stated_uncertainty() {
         let simulation = simulate(Static::Remounted, 5.8, 2000 + seed);
         let prediction = predict(&simulation.campaign, &simulation.holdout, None).unwrap();
         assert_eq!(prediction.runs.len(), runs);
-        for (k, (run, truth)) in
-            prediction.runs.iter().zip(&simulation.truth.holdout_vre_g).enumerate()
+        for (k, (run, truth)) in prediction
+            .runs
+            .iter()
+            .zip(&simulation.truth.holdout_vre_g)
+            .enumerate()
         {
             from_static[k].add(run.vre_g, *truth);
             refitted[k].add(run.refit_vre_g.unwrap(), *truth);
