@@ -15,4 +15,5 @@ pub mod prediction;
 pub mod quantity;
 pub mod record;
 pub mod reduction;
+pub mod seal;
 pub mod source;

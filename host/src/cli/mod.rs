@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-pub use console::Console;
+pub use console::{Console, write_json};
 
 use crate::error::Error;
 
@@ -49,6 +49,7 @@ commands! {
     plan::Plan,
     predict::Predict,
     simulate::Simulate,
+    unseal::Unseal,
 }
 
 /// Vibration rectification error of a navigation accelerometer: predicted from a static test, compared with

@@ -11,6 +11,10 @@ use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
 use crate::campaign::write_runs;
 use crate::error::Error;
+use crate::seal;
+
+const NONE: &str = "none";
+const SEALED: &str = "sealed";
 
 /// Write a campaign from the virtual bench, with runs to predict and the truth behind it
 #[derive(clap::Args)]
@@ -21,43 +25,73 @@ pub struct Simulate {
     /// Folder for campaign.toml, static.csv, vibration.csv, holdout.csv and truth.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Fixes everything that is random
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    /// Fixes everything that is random [default: 1; a sealed campaign's comes from the operating system]
+    #[arg(long)]
+    seed: Option<u64>,
     /// The static test
     #[arg(long, value_enum, default_value = "default")]
     plan: Static,
     /// Standard uncertainty of a dial mark and of the base's level, arcsec
     #[arg(long, value_name = "ARCSEC", default_value_t = 1.0, value_parser = positive)]
     dial_sigma: f64,
-    /// Something that the nominal model does not know; repeatable
-    #[arg(long, value_name = "ID", value_parser = PossibleValuesParser::new(effects::catalogue().map(|entry| entry.id)))]
+    /// Something that the nominal model does not know, repeatable; `none`; or `sealed`: one or none of them, drawn
+    /// by the operating system's entropy, its label encrypted until `vre unseal`
+    #[arg(long, value_name = "ID", value_parser = PossibleValuesParser::new(
+        [NONE, SEALED].into_iter().chain(effects::catalogue().map(|entry| entry.id))))]
     effect: Vec<String>,
-    /// Size of the effects in terms of a typical one
-    #[arg(long, default_value_t = 1.0, value_parser = positive)]
-    strength: f64,
+    /// Size of the effects in terms of a typical one [default: 1; a sealed effect's is drawn]
+    #[arg(long, value_parser = positive)]
+    strength: Option<f64>,
 }
 
 impl Command for Simulate {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let seed = Seed(self.seed);
-        let draw = |(index, id): (usize, &String)| {
-            let mut stream = seed.stream("effect", index as u64);
-            effects::find(id).map(|entry| (entry.draw)(self.strength, &mut stream))
+        let sealed = self.effect.iter().any(|id| id == SEALED);
+        let alone = self.effect.len() == 1 && self.seed.is_none() && self.strength.is_none();
+        if sealed && !alone {
+            return Err(Error::Usage(
+                "--effect sealed goes without another effect, --seed and --strength".into(),
+            ));
+        }
+        let (seed, ids, strength) = if sealed {
+            sealed_draw()?
+        } else {
+            let ids = self.effect.iter().map(String::as_str).filter(|id| *id != NONE);
+            (Seed(self.seed.unwrap_or(1)), ids.collect(), self.strength.unwrap_or(1.0))
         };
-        let drawn = self.effect.iter().enumerate().filter_map(draw).collect();
+        let draw = |(index, id): (usize, &&str)| {
+            let mut stream = seed.stream("effect", index as u64);
+            effects::find(id).map(|entry| (entry.draw)(strength, &mut stream))
+        };
+        let drawn = ids.iter().enumerate().filter_map(draw).collect();
         let specification = Specification::with_dial_sigma(self.dial_sigma);
         let simulation = VirtualBench::new(seed, self.plan, specification, drawn).simulate();
         simulation.campaign.write(&self.out)?;
         write_runs(&self.out.join("holdout.csv"), &simulation.holdout)?;
-        super::console::write_json(&self.out.join("truth.json"), &simulation.truth)?;
+        let truth = if sealed {
+            seal::seal(&self.out, &simulation.truth)?;
+            "the sealed truth in label.sealed"
+        } else {
+            super::write_json(&self.out.join("truth.json"), &simulation.truth)?;
+            "the truth in truth.json"
+        };
         console.print(format!(
-            "{}: {} readings, {} shaker runs, {} runs to predict in holdout.csv, the truth in truth.json",
+            "{}: {} readings, {} shaker runs, {} runs to predict in holdout.csv, {truth}",
             self.out.display(),
             simulation.campaign.readings.len(),
             simulation.campaign.runs.len(),
             simulation.holdout.len(),
         ))?;
-        console.json(&simulation.truth)
+        if sealed { Ok(()) } else { console.json(&simulation.truth) }
     }
+}
+
+/// Seed, effect and strength of a sealed campaign, from the operating system's entropy: no effect once in six, else
+/// any that the bench can make, a tenth to three times a typical one.
+fn sealed_draw() -> Result<(Seed, Vec<&'static str>, f64), Error> {
+    let seed = Seed(u64::from_le_bytes(seal::entropy()?));
+    let mut stream = Seed(u64::from_le_bytes(seal::entropy()?)).stream("label", 0);
+    let ids: Vec<_> = effects::catalogue().map(|entry| entry.id).collect();
+    let drawn = if stream.index(6) == 0 { Vec::new() } else { vec![ids[stream.index(ids.len())]] };
+    Ok((seed, drawn, stream.log_uniform(0.1, 3.0)))
 }
