@@ -28,6 +28,21 @@ pub const NAMES: [&str; NOMINAL] = [
     "k_po_per_g",
 ];
 
+/// What each coefficient is, for people, in the order of [`NAMES`].
+pub const MEANINGS: [&str; NOMINAL] = [
+    "scale factor",
+    "bias",
+    "scale-factor asymmetry",
+    "second-order nonlinearity",
+    "third-order nonlinearity",
+    "fourth-order nonlinearity",
+    "misalignment of OA",
+    "misalignment of PA",
+    "cross-coupling IA-PA",
+    "cross-coupling IA-OA",
+    "cross-coupling PA-OA",
+];
+
 /// How the coefficients are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]

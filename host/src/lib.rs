@@ -15,5 +15,6 @@ pub mod prediction;
 pub mod quantity;
 pub mod record;
 pub mod reduction;
+pub mod report;
 pub mod seal;
 pub mod source;

@@ -1,10 +1,11 @@
 //! Files that are written whole or not at all.
 
 use std::fs;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use atomic_write_file::AtomicWriteFile;
+use serde::Serialize;
 
 use crate::error::Error;
 
@@ -26,4 +27,19 @@ pub fn write_file(file: &Path, content: &[u8]) -> Result<(), Error> {
         }
     };
     write().map_err(Error::write(file))
+}
+
+/// Writes `result` as JSON to `file`, in one step.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_json(file: &Path, result: &impl Serialize) -> Result<(), Error> {
+    write_file(file, json_text(file, result)?.as_bytes())
+}
+
+/// `result` as indented JSON; `file` is named if it cannot be.
+pub(crate) fn json_text(file: &Path, result: &impl Serialize) -> Result<String, Error> {
+    let text = serde_json::to_string_pretty(result)
+        .map_err(|error| Error::write(file)(io::Error::other(error)))?;
+    Ok(text + "\n")
 }

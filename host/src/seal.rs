@@ -92,7 +92,7 @@ pub fn seal(folder: &Path, truth: &impl Serialize) -> Result<(), Error> {
         nonce: hex(&nonce),
         label: hex(&label),
     };
-    crate::cli::write_json(&file, &sealed)?;
+    crate::output::write_json(&file, &sealed)?;
     write_file(&folder.join(KEY), (hex(&key) + "\n").as_bytes())
 }
 
@@ -139,7 +139,7 @@ pub fn unseal(folder: &Path, diagnosis: &Path) -> Result<Opened, Error> {
         diagnosis_sha256: hex(&Sha256::digest(&diagnosed)),
         truth,
     };
-    crate::cli::write_json(&folder.join(OPENED), &opened)?;
+    crate::output::write_json(&folder.join(OPENED), &opened)?;
     Ok(opened)
 }
 

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use crate::error::Error;
-use crate::output::write_file;
+use crate::output::{json_text, write_json};
 
 /// The options that all commands share.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -69,20 +69,6 @@ impl Console {
     fn json_to_stdout(&self) -> bool {
         self.json.as_deref() == Some(Path::new("-"))
     }
-}
-
-/// Writes `result` as JSON to `file`, in one step.
-///
-/// # Errors
-/// The file cannot be written.
-pub fn write_json(file: &Path, result: &impl Serialize) -> Result<(), Error> {
-    write_file(file, json_text(file, result)?.as_bytes())
-}
-
-fn json_text(file: &Path, result: &impl Serialize) -> Result<String, Error> {
-    let text = serde_json::to_string_pretty(result)
-        .map_err(|error| Error::write(file)(io::Error::other(error)))?;
-    Ok(text + "\n")
 }
 
 fn write_lines(mut stream: impl Write, name: &str, text: &str) -> Result<(), Error> {

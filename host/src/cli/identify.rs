@@ -8,7 +8,7 @@ use shared::model::NOMINAL;
 use super::{Command, Console};
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{Identification, Method, NAMES, identify};
+use crate::identification::{Identification, MEANINGS, Method, NAMES, identify};
 
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]
@@ -34,24 +34,9 @@ impl Command for Identify {
     }
 }
 
-/// What each coefficient is, for people.
-const MEANING: [&str; NOMINAL] = [
-    "scale factor",
-    "bias",
-    "scale-factor asymmetry",
-    "second-order nonlinearity",
-    "third-order nonlinearity",
-    "fourth-order nonlinearity",
-    "misalignment of OA",
-    "misalignment of PA",
-    "cross-coupling IA-PA",
-    "cross-coupling IA-OA",
-    "cross-coupling PA-OA",
-];
-
 fn text(found: &Identification) -> String {
     let mut text = format!("instrument {}\n\n", found.serial);
-    for ((name, meaning), quantity) in NAMES.iter().zip(MEANING).zip(&found.coefficients) {
+    for ((name, meaning), quantity) in NAMES.iter().zip(MEANINGS).zip(&found.coefficients) {
         let _ = match *name {
             "K1_v_per_g" => writeln!(text, "{name:<12} {quantity:>16}        {meaning}"),
             _ => writeln!(text, "{name:<12} {:>16} e-6    {meaning}", quantity.scaled(1e6)),

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-pub use console::{Console, write_json};
+pub use console::Console;
 
 use crate::error::Error;
 
@@ -48,6 +48,7 @@ commands! {
     paper::Paper,
     plan::Plan,
     predict::Predict,
+    report::Report,
     simulate::Simulate,
     unseal::Unseal,
 }

@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::{Command, Console};
-use crate::campaign::{Campaign, Run, VibrationKind, read_runs};
+use crate::campaign::{Campaign, Run, read_runs};
 use crate::diagnose::{Diagnosis, predict_with_effects};
 use crate::error::Error;
-use crate::prediction::{DEFAULT_PRIOR_SIGMA, PredictedRun, Prediction, predict};
-use crate::quantity::Quantity;
+use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
+use crate::report;
 
 /// Predict the vibration error of shaker runs from the static test, and from static test and shaker together
 #[derive(clap::Args)]
@@ -61,31 +61,7 @@ impl Command for Predict {
 }
 
 fn text(prediction: &Prediction, runs: &[Run], stated: bool) -> String {
-    let mut text = format!(
-        "instrument {}, vibration error in 1e-6 g, standard uncertainties in units of the last digits\n\n",
-        prediction.serial
-    );
-    let _ = writeln!(
-        text,
-        "{:>5}  {:<22} {:>7} {:>18} {:>18} {:>18}",
-        "run", "vibration", "a0_I/g", "from static test", "static + shaker", "measured"
-    );
-    let cell = |quantity: Option<Quantity>| {
-        quantity.map_or("-".into(), |q| q.scaled(1e6).to_string())
-    };
-    for (predicted, run) in prediction.runs.iter().zip(runs) {
-        let PredictedRun { vre_g, refit_vre_g, measured_vre_g, .. } = predicted;
-        let _ = writeln!(
-            text,
-            "{:>5}  {:<22} {:>7.3} {:>18} {:>18} {:>18}",
-            run.run,
-            vibration(run),
-            run.specific_force_g.i,
-            cell(Some(*vre_g)),
-            cell(*refit_vre_g),
-            cell(*measured_vre_g),
-        );
-    }
+    let mut text = report::text::runs(prediction, runs);
     if let (Some(sigma), false) = (prediction.prior_sigma, stated) {
         let _ = writeln!(
             text,
@@ -95,13 +71,4 @@ fn text(prediction: &Prediction, runs: &[Run], stated: bool) -> String {
         );
     }
     text
-}
-
-/// A run's vibration in a few words.
-pub fn vibration(run: &Run) -> String {
-    let [low, high] = run.band_hz;
-    match run.kind {
-        VibrationKind::Sine => format!("sine {} g, {low} Hz", run.level_g),
-        VibrationKind::Random => format!("random {} g, {low}-{high} Hz", run.level_g),
-    }
 }

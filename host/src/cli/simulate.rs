@@ -72,7 +72,7 @@ impl Command for Simulate {
             seal::seal(&self.out, &simulation.truth)?;
             "the sealed truth in label.sealed"
         } else {
-            super::write_json(&self.out.join("truth.json"), &simulation.truth)?;
+            crate::output::write_json(&self.out.join("truth.json"), &simulation.truth)?;
             "the truth in truth.json"
         };
         console.print(format!(
