@@ -1,0 +1,11 @@
+//! The image for the NUCLEO-F429ZI. On the host there is nothing to run.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod board;
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this program runs on the board: cargo board");
+    std::process::exit(2);
+}

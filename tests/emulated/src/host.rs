@@ -1,0 +1,139 @@
+//! A host at the other end of the line, as far as tests need one.
+
+use std::time::Duration;
+
+use shared::wire::framing::Frame;
+use shared::wire::message::{Block, CHANNELS, Fault, Identity, Refusal, State};
+use shared::wire::{Command, Deframer, Event, FrameError, version};
+
+use crate::converter::Converter;
+use crate::run::{Emulator, Error};
+
+/// An event that stands by itself.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Heard {
+    /// Who is there.
+    Hello(Identity),
+    /// A command was carried out: its number, and the first sample for which it holds.
+    Ack(u16, u64),
+    /// A command was not carried out: its number and why.
+    Refused(u16, Refusal),
+    /// Moments.
+    Block(Block),
+    /// Samples from an index on.
+    Raw(u64, Vec<[i32; CHANNELS]>),
+    /// Counters.
+    State(State),
+    /// Trouble before a sample.
+    Fault(u64, Fault),
+    /// Bytes that are no frame.
+    Broken(FrameError),
+}
+
+impl From<Event<'_>> for Heard {
+    fn from(event: Event<'_>) -> Self {
+        match event {
+            Event::Hello(identity) => Self::Hello(identity),
+            Event::Ack { sequence, sample } => Self::Ack(sequence, sample),
+            Event::Refused { sequence, reason } => Self::Refused(sequence, reason),
+            Event::Block(block) => Self::Block(block),
+            Event::Raw(raw) => Self::Raw(raw.first_sample, raw.samples().collect()),
+            Event::State(state) => Self::State(state),
+            Event::Fault { sample, fault } => Self::Fault(sample, fault),
+        }
+    }
+}
+
+/// The emulated board with a host that talks to it.
+pub struct Conversation {
+    /// The board.
+    pub board: Emulator,
+    deframer: Deframer,
+    sequence: u16,
+    heard: Vec<Heard>,
+}
+
+/// How long an answer may take: what the line still holds comes first.
+const PATIENCE: Duration = Duration::from_millis(200);
+
+impl Conversation {
+    /// Powers the board, and greets it once its converter is set up.
+    pub fn start(converter: Converter) -> Result<Self, Error> {
+        let mut host = Self {
+            board: Emulator::start(converter)?,
+            deframer: Deframer::new(),
+            sequence: 0,
+            heard: Vec::new(),
+        };
+        host.listen(Duration::from_millis(20))?;
+        let version = version::CURRENT;
+        host.command(&Command::Hello { version })?;
+        Ok(host)
+    }
+
+    /// Sends a command without waiting; returns its number.
+    pub fn send(&mut self, command: &Command) -> u16 {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = Frame::new();
+        if frame.encode(command, self.sequence).is_ok() {
+            self.board.send(frame.as_bytes());
+        }
+        self.sequence
+    }
+
+    /// Sends a command and waits until it is acknowledged or refused, or for 200 ms: the sample from which on it holds.
+    pub fn command(&mut self, command: &Command) -> Result<Option<u64>, Error> {
+        let number = self.send(command);
+        let end = self.board.now() + PATIENCE;
+        while self.board.now() < end {
+            let before = self.heard.len();
+            self.listen(Duration::from_millis(1))?;
+            for heard in self.heard.get(before..).unwrap_or(&[]) {
+                match heard {
+                    Heard::Ack(sequence, sample) if *sequence == number => {
+                        return Ok(Some(*sample));
+                    }
+                    Heard::Refused(sequence, _) if *sequence == number => return Ok(None),
+                    _ => {}
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// The instrument's counters, `None` if it does not answer.
+    pub fn state(&mut self) -> Result<Option<State>, Error> {
+        self.command(&Command::AskState)?;
+        let state = self.heard.iter().rev().find_map(|heard| match heard {
+            Heard::State(state) => Some(*state),
+            _ => None,
+        });
+        Ok(state)
+    }
+
+    /// Lets time go by and takes down what is heard.
+    pub fn listen(&mut self, time: Duration) -> Result<(), Error> {
+        self.board.run_for(time)?;
+        let bytes = self.board.received();
+        let mut rest = bytes.as_slice();
+        while !rest.is_empty() {
+            let (taken, packet) = self.deframer.feed(rest);
+            rest = rest.get(taken..).unwrap_or(&[]);
+            let heard = match packet {
+                None => continue,
+                Some(Err(error)) => Heard::Broken(error),
+                Some(Ok(packet)) => match packet.message::<Event>() {
+                    Ok(event) => event.into(),
+                    Err(error) => Heard::Broken(error),
+                },
+            };
+            self.heard.push(heard);
+        }
+        Ok(())
+    }
+
+    /// What was heard since the last call, in order.
+    pub fn heard(&mut self) -> Vec<Heard> {
+        std::mem::take(&mut self.heard)
+    }
+}

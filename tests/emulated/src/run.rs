@@ -1,0 +1,229 @@
+//! Running the image, a stretch of virtual time after the other.
+
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use rigless::emulator::{Driver, Host, Settled, Start, Stop, run};
+use rigless::image::Image;
+use rigless::session::Session;
+use rigless::snapshot::Store;
+use rigless::time::VirtualNanos;
+
+use crate::board::{Nucleo, Shared, lock};
+use crate::converter::Converter;
+use crate::image;
+use crate::line::Line;
+
+/// Why the emulated board does not run, or not on.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// No image.
+    #[error(transparent)]
+    Image(#[from] image::Error),
+    /// The image cannot be placed in the microcontroller's memory.
+    #[error("placing the image: {0}")]
+    Place(#[from] rigless::image::Error),
+    /// The board's description is wrong.
+    #[error("the emulated board: {0}")]
+    Board(#[from] rigless::soc::Error),
+    /// The emulator refuses to start.
+    #[error("the emulator: {0}")]
+    Session(#[from] rigless::emulator::Error),
+    /// The emulator ended; its own words.
+    #[error("the emulator ended: {0}")]
+    Ended(String),
+}
+
+/// What is done between two instructions, with the whole board at hand.
+pub type Intervention = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
+
+enum Request {
+    /// Run until this instant, nanoseconds.
+    Until(u64),
+    /// Do this now.
+    Do(Intervention),
+}
+
+/// The emulated board, standing still between two calls.
+#[derive(Debug)]
+pub struct Emulator {
+    converter: Shared<Converter>,
+    line: Shared<Line>,
+    requests: Option<Sender<Request>>,
+    stops: Receiver<Stop>,
+    core: Option<JoinHandle<Result<(), String>>>,
+    stop: Stop,
+}
+
+impl Emulator {
+    /// Powers the board with the image on its flash and the given converter on its bus.
+    pub fn start(converter: Converter) -> Result<Self, Error> {
+        Self::with_images(converter, &[Image::read(image::path()?, None)?])
+    }
+
+    fn with_images(converter: Converter, images: &[Image]) -> Result<Self, Error> {
+        let converter = Arc::new(Mutex::new(converter));
+        let line = Arc::new(Mutex::new(Line::default()));
+        let board = Nucleo::new(converter.clone(), line.clone())?;
+        let session = Session::new(Box::new(board), 0, VirtualNanos(1))?;
+        let (requests, to_core) = channel();
+        let (from_core, stops) = channel();
+        let images = images.to_vec();
+        let core = thread::Builder::new()
+            .name("emulated board".into())
+            .spawn(move || {
+                let governor = Governor {
+                    until: 0,
+                    requests: to_core,
+                    stops: from_core,
+                };
+                match run(session, &Start::new(&images), governor) {
+                    Ok(_) => Ok(()),
+                    Err(error) => Err(error.to_string()),
+                }
+            })
+            .map_err(|error| Error::Ended(error.to_string()))?;
+        let mut emulator = Self {
+            converter,
+            line,
+            requests: Some(requests),
+            stops,
+            core: Some(core),
+            stop: Stop {
+                at: VirtualNanos(0),
+                instruction_count: 0,
+                reason: rigless::emulator::StopReason::Deadline,
+            },
+        };
+        emulator.wait()?;
+        Ok(emulator)
+    }
+
+    /// Lets the firmware run for this long.
+    pub fn run_for(&mut self, time: Duration) -> Result<(), Error> {
+        let nanoseconds = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        self.request(Request::Until(self.stop.at.0.saturating_add(nanoseconds)))
+    }
+
+    /// Does something between two instructions.
+    pub fn intervene(
+        &mut self,
+        what: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send + 'static,
+    ) -> Result<(), Error> {
+        self.request(Request::Do(Box::new(what)))
+    }
+
+    /// Presses the reset button.
+    pub fn reset(&mut self) -> Result<(), Error> {
+        self.intervene(|session, host, stop| {
+            session.reset_by_pin(stop.at, stop.instruction_count, host);
+        })
+    }
+
+    /// The converter, for looking and for faults.
+    pub fn converter(&self) -> MutexGuard<'_, Converter> {
+        lock(&self.converter)
+    }
+
+    /// Puts bytes on the line to the board; they go at the line's speed.
+    pub fn send(&self, bytes: &[u8]) {
+        lock(&self.line).to_board.extend(bytes);
+    }
+
+    /// Fetches the bytes that came from the board.
+    pub fn received(&self) -> Vec<u8> {
+        std::mem::take(&mut lock(&self.line).from_board)
+    }
+
+    /// Virtual time since power came on.
+    pub fn now(&self) -> Duration {
+        Duration::from_nanos(self.stop.at.0)
+    }
+
+    /// Instructions since power came on; waiting for an interrupt takes none.
+    pub fn instructions(&self) -> u64 {
+        self.stop.instruction_count
+    }
+
+    fn request(&mut self, request: Request) -> Result<(), Error> {
+        let sent = self.requests.as_ref().map(|to| to.send(request));
+        match sent {
+            Some(Ok(())) => self.wait(),
+            _ => Err(self.ended()),
+        }
+    }
+
+    fn wait(&mut self) -> Result<(), Error> {
+        match self.stops.recv() {
+            Ok(stop) => {
+                self.stop = stop;
+                Ok(())
+            }
+            Err(_) => Err(self.ended()),
+        }
+    }
+
+    fn ended(&mut self) -> Error {
+        let why = match self.core.take().map(JoinHandle::join) {
+            None | Some(Ok(Ok(()))) => String::from("no more requests"),
+            Some(Ok(Err(error))) => error,
+            Some(Err(_)) => String::from("its thread panicked"),
+        };
+        Error::Ended(why)
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        self.requests = None;
+        if let Some(core) = self.core.take() {
+            // Whatever ended it was told to the caller that met it.
+            let _ = core.join();
+        }
+    }
+}
+
+/// Port E's registers, where SYNC/RESET is driven.
+const GPIOE: std::ops::Range<u64> = 0x4002_1000..0x4002_1400;
+
+/// SPI4's registers, whose accesses move DRDY.
+const SPI4: std::ops::Range<u64> = 0x4001_3400..0x4001_3800;
+
+/// Lets the core run from one event of the converter to the next, and stops it where the test wants it.
+struct Governor {
+    until: u64,
+    requests: Receiver<Request>,
+    stops: Sender<Stop>,
+}
+
+impl Store for Governor {}
+
+impl Driver<Nucleo> for Governor {
+    fn on_settled(&mut self, session: &mut Session<Nucleo>, _: &mut dyn Host, settled: Settled) {
+        if let Settled::Access { access, .. } = settled
+            && (GPIOE.contains(&access.address) || SPI4.contains(&access.address))
+        {
+            session.board_mut().settle(access.virtual_time);
+        }
+    }
+
+    fn on_stop(
+        &mut self,
+        session: &mut Session<Nucleo>,
+        stop: Stop,
+        host: &mut dyn Host,
+    ) -> Option<VirtualNanos> {
+        session.board_mut().settle(stop.at);
+        while stop.at.0 >= self.until {
+            self.stops.send(stop).ok()?;
+            match self.requests.recv().ok()? {
+                Request::Until(until) => self.until = until,
+                Request::Do(what) => what(session, host, stop),
+            }
+        }
+        let event = lock(&session.board().converter).next_event_ns();
+        Some(VirtualNanos(event.clamp(stop.at.0 + 1, self.until)))
+    }
+}
