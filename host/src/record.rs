@@ -201,6 +201,13 @@ impl Reader {
         sink: &mut impl FnMut(Event<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         while let Some(end) = memchr(DELIMITER, bytes) {
+            if end == 0 && self.overlong == 0 && self.begun.is_empty() {
+                let idle = bytes.iter().take_while(|&&byte| byte == DELIMITER).count();
+                self.tally.bytes += idle as u64;
+                self.tally.idle_delimiters += idle as u64;
+                bytes = &mut bytes[idle..];
+                continue;
+            }
             let (stretch, rest) = bytes.split_at_mut(end);
             if self.overlong == 0 && self.begun.is_empty() {
                 self.stretch(stretch, sink)?;
@@ -250,11 +257,6 @@ impl Reader {
         sink: &mut impl FnMut(Event<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         let length = stretch.len() as u64 + 1;
-        if stretch.is_empty() {
-            self.tally.bytes += 1;
-            self.tally.idle_delimiters += 1;
-            return Ok(());
-        }
         let opened = Packet::open(stretch)
             .and_then(|packet| Ok((packet.sequence, packet.message::<Event<'_>>()?)));
         match opened {

@@ -446,3 +446,32 @@ fn windows_that_overlap_or_are_none_are_refused() {
     }
     assert!(measure(Path::new("/no/such/file"), &windows("0..1", "2..3")).is_err());
 }
+
+#[test]
+fn the_command_writes_json_and_exits_2_on_bad_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("raw.csv");
+    fs::write(&file, one_record(&mut StdRng::seed_from_u64(8), 5e-3)).unwrap();
+    let vre = |column: &str| {
+        let mut command = assert_cmd::Command::cargo_bin("vre").unwrap();
+        command
+            .arg("measure")
+            .arg(&file)
+            .args(["--column", column, "--time", "t"]);
+        command.args(["--before", "0..10", "--during", "10..30", "--json", "-"]);
+        command.output().unwrap()
+    };
+    let found: serde_json::Value = serde_json::from_slice(&vre("u").stdout).unwrap();
+    assert_eq!(found["format"], "vre-measurement/1");
+    assert_eq!(found["verdict"], "attributable");
+    assert!((found["axes"][0]["shift_g"]["value"].as_f64().unwrap() - 5e-3).abs() < 1e-3);
+    let failed = vre("v");
+    assert_eq!(failed.status.code(), Some(2));
+    let line = String::from_utf8(failed.stderr).unwrap();
+    assert!(
+        line.trim_end()
+            .ends_with("raw.csv, column v: is missing from the header"),
+        "{line}"
+    );
+    assert_eq!(line.lines().count(), 1);
+}

@@ -155,13 +155,18 @@ fn text(found: &Measurement) -> String {
 
 fn write_axis(text: &mut String, axis: &Axis) {
     let [low, high] = axis.interval_95_g.map(|g| 1e3 * g);
+    // As many digits as the uncertainty has, and one more.
+    let decimals = (1.0 - ((high - low) / 4.0).log10().floor()).clamp(0.0, 9.0) as usize;
+    let freedom = match axis.degrees_of_freedom {
+        many if many > 1000.0 => "over 1000".into(),
+        few => format!("{few:.1}"),
+    };
     let _ = writeln!(
         text,
-        "\n{}: shift {} mg, 95 % interval {low:.3} to {high:.3} mg ({:.1} degrees of freedom), p = {:.2e}\n  \
+        "\n{}: shift {} mg, 95 % interval {low:.decimals$} to {high:.decimals$} mg ({freedom} degrees of freedom), p = {:.2e}\n  \
          plain difference of the means {} mg; rms {:.4} g before, {:.4} g during",
         axis.column,
         axis.shift_g.scaled(1e3),
-        axis.degrees_of_freedom,
         axis.p_value,
         axis.mean_difference_g.scaled(1e3),
         axis.rms_before_g,

@@ -31,6 +31,9 @@ use crate::record::Tally;
 /// Two-sided risk at which a shift is called significant.
 const RISK: f64 = 0.05;
 
+/// Degrees of freedom beyond which Student's t is the normal distribution.
+const MAX_FREEDOM: f64 = 1e6;
+
 /// Bytes by which a record of frames is told from a table: a table has no zero byte.
 const SNIFF: usize = 4096;
 
@@ -107,7 +110,7 @@ pub struct Axis {
     pub verdict: Verdict,
     /// Shift by integration and line fit, g.
     pub shift_g: Quantity,
-    /// Degrees of freedom of its uncertainty.
+    /// Degrees of freedom of its uncertainty, at most a million.
     pub degrees_of_freedom: f64,
     /// Probability of a shift at least as large if there were none.
     pub p_value: f64,
@@ -293,7 +296,7 @@ fn axis(segments: &[Segment], index: usize, column: &str) -> Result<Axis, SlopeE
             Verdict::NoShift
         },
         shift_g: Quantity::new(shift.value, shift.sigma),
-        degrees_of_freedom: shift.degrees_of_freedom,
+        degrees_of_freedom: shift.degrees_of_freedom.min(MAX_FREEDOM),
         p_value,
         interval_95_g: [shift.value - half, shift.value + half],
         mean_difference_g: Quantity::new(difference.value, difference.sigma),
@@ -334,8 +337,7 @@ fn pooled(estimates: &[Estimate]) -> Estimate {
 
 /// Probability of a value as far from zero, and half the interval of 95 %.
 fn significance(estimate: &Estimate) -> (f64, f64) {
-    // Beyond a million degrees of freedom Student's t is the normal distribution.
-    let freedom = estimate.degrees_of_freedom.clamp(0.1, 1e6);
+    let freedom = estimate.degrees_of_freedom.clamp(0.1, MAX_FREEDOM);
     match StudentsT::new(0.0, 1.0, freedom) {
         Ok(t) if estimate.sigma > 0.0 => {
             let z = (estimate.value / estimate.sigma).abs();
