@@ -277,12 +277,12 @@ where
         if self.exchange(Command::Null).await?.status().has_data() {
             return Ok(());
         }
+        self.count.doubt();
         self.pause_half_a_period().await;
         let waited_us = PATIENCE * self.count.period_us();
         if self.count.elapsed_us(now_us) < u64::from(waited_us) {
             return Err(Error::NoData);
         }
-        self.count.doubt();
         Err(Error::DrdyTimeout { waited_us })
     }
 

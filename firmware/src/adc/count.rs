@@ -19,6 +19,8 @@ pub struct ConversionCount {
     clock_cycles: u64,
     edges: u32,
     time_us: u64,
+    /// Part of a period that had passed at that time, if only the clock told; microseconds times `clock_hz`.
+    begun: u64,
     index: u64,
     confidence: Confidence,
 }
@@ -41,6 +43,7 @@ impl ConversionCount {
             clock_cycles: u64::from(config.oversampling.clock_cycles()),
             edges: 0,
             time_us: 0,
+            begun: 0,
             index: 0,
             confidence: Confidence::New,
         }
@@ -66,30 +69,38 @@ impl ConversionCount {
     /// Begins to count: conversions until now were lost, except the first time, when the index stays zero.
     pub fn begin(&mut self, edges: u32, now_us: u64) {
         if self.confidence != Confidence::New {
-            self.account(edges, now_us);
+            self.pass(edges, now_us);
         }
         self.confidence = Confidence::Edges;
         self.edges = edges;
         self.time_us = now_us;
     }
 
-    /// Moves the index on by the conversions since it last was, and returns how many: by the edges, after
-    /// [`Self::doubt`] at least by the time that went by.
+    /// Moves the index on by the conversions since it last was, and returns how many: none without an edge; by the
+    /// edges, after [`Self::doubt`] at least by the time that went by.
     pub fn account(&mut self, edges: u32, now_us: u64) -> u32 {
+        if edges == self.edges {
+            return 0;
+        }
+        self.pass(edges, now_us)
+    }
+
+    fn pass(&mut self, edges: u32, now_us: u64) -> u32 {
         let mut passed = edges.wrapping_sub(self.edges);
+        let begun = core::mem::take(&mut self.begun);
         if self.confidence == Confidence::Clock {
-            // One more, since both times are cut to whole microseconds.
-            let elapsed_us = self.elapsed_us(now_us).saturating_add(1);
-            let periods =
-                elapsed_us.saturating_mul(self.clock_hz) / (self.clock_cycles * 1_000_000);
+            let elapsed = self.elapsed_us(now_us).saturating_mul(self.clock_hz);
+            let elapsed = elapsed.saturating_add(begun);
+            let period = self.clock_cycles * 1_000_000;
+            // One microsecond more, since both times are cut to whole ones.
+            let periods = elapsed.saturating_add(self.clock_hz) / period;
+            self.begun = elapsed.saturating_sub(periods * period);
             passed = passed.max(u32::try_from(periods).unwrap_or(u32::MAX));
-            self.confidence = Confidence::Edges;
         }
-        if passed > 0 {
-            self.edges = edges;
-            self.time_us = now_us;
-            self.index = self.index.saturating_add(u64::from(passed));
-        }
+        self.confidence = Confidence::Edges;
+        self.edges = edges;
+        self.time_us = now_us;
+        self.index = self.index.saturating_add(u64::from(passed));
         passed
     }
 

@@ -12,7 +12,9 @@
 //! mean is the mean of its waveform.
 
 pub mod accelerometer;
+pub mod board;
 pub mod chain;
+pub mod converter;
 pub mod dial;
 pub mod effects;
 pub mod environment;
