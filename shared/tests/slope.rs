@@ -210,6 +210,17 @@ fn the_line_fit_is_the_regression_of_the_running_sum() {
 }
 
 #[test]
+fn the_same_sums_in_f32_do_not_see_what_f64_measures() {
+    let mean = |level: f32| {
+        let mut v = 0.0f32;
+        (0..1_000_000).for_each(|_| v += level);
+        f64::from(v) / 1e6
+    };
+    let seen = mean(1.0 + 1e-7) - mean(1.0);
+    assert!((seen - 1e-7).abs() > 0.5e-7, "{seen}");
+}
+
+#[test]
 fn ten_million_samples_at_one_leave_a_step_of_1e_9() {
     let length = 10_000_000;
     let mut traces = [Trace::new(), Trace::new()];
