@@ -7,7 +7,7 @@ use shared::model::NOMINAL;
 use shared::tumble::{Position, Series, within_a_turn};
 
 use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour, span};
-use super::{Report, outlook, remarks};
+use super::{Report, SYMBOLS, outlook, remarks};
 use crate::identification;
 
 /// Plots that belong together, with their explanation.
@@ -15,21 +15,6 @@ pub(super) struct Figure {
     pub plots: Vec<Plot>,
     pub caption: String,
 }
-
-/// Symbols of the coefficients for labels within a picture, in the order of [`NAMES`].
-const SYMBOLS: [&str; NOMINAL] = [
-    "K1",
-    "k0",
-    "k1\u{2032}",
-    "k2",
-    "k3",
-    "k4",
-    "d_OA",
-    "d_PA",
-    "k_IP",
-    "k_IO",
-    "k_PO",
-];
 
 const WIDTH: u32 = 720;
 
@@ -105,7 +90,7 @@ pub(super) fn readings(report: &Report<'_>) -> Figure {
     };
     Figure {
         plots: vec![plot],
-        caption: "Every reading (marks) and the fitted model (curves). Series 1 and 2 follow \u{2212}cos \u{3c6}, series 3 \
+        caption: "Every reading (marks) and the fitted model (curves). Series 1 and 2 follow \u{2212}cos \u{3c6} and lie on top of each other, series 3 \
                   stays near zero, as gravity never acts along its input axis. Bad: a mark off its curve \u{2013} a wrong \
                   angle, series or sign in static.csv."
             .into(),
@@ -223,7 +208,7 @@ pub(super) fn residuals(report: &Report<'_>) -> Figure {
             title: format!("Residuals, {label}"),
             x: dial_axis(),
             y: Axis {
-                label: "residual / 1e\u{2212}6 g".into(),
+                label: "residual / 10\u{207b}\u{2076} g".into(),
                 range: range.clone(),
                 ticks: Ticks::Round(4),
             },
@@ -276,7 +261,7 @@ pub(super) fn coefficients(report: &Report<'_>) -> Figure {
     let value_plot = Plot {
         title: "Coefficients with 95 % intervals".into(),
         x: Axis {
-            label: "coefficient / 1e\u{2212}6 of its unit".into(),
+            label: "coefficient / 10\u{207b}\u{2076} of its unit".into(),
             range,
             ticks: Ticks::Round(6),
         },
@@ -302,7 +287,7 @@ pub(super) fn coefficients(report: &Report<'_>) -> Figure {
     let sigma_plot = Plot {
         title: "Standard uncertainties of the coefficients".into(),
         x: Axis {
-            label: "standard uncertainty / 1e\u{2212}6 of its unit".into(),
+            label: "standard uncertainty / 10\u{207b}\u{2076} of its unit".into(),
             range: span(sigmas.iter().map(|p| p.x)),
             ticks: Ticks::Decades,
         },
@@ -350,12 +335,12 @@ pub(super) fn comparison(report: &Report<'_>) -> Option<Figure> {
     let plot = Plot {
         title: "Predicted against measured vibration error".into(),
         x: Axis {
-            label: "measured VRE / 1e\u{2212}6 g".into(),
+            label: "measured VRE / 10\u{207b}\u{2076} g".into(),
             range: x,
             ticks: Ticks::Round(8),
         },
         y: Axis {
-            label: "predicted VRE / 1e\u{2212}6 g".into(),
+            label: "predicted VRE / 10\u{207b}\u{2076} g".into(),
             range: y,
             ticks: Ticks::Round(7),
         },
@@ -486,12 +471,12 @@ pub(super) fn direction(report: &Report<'_>) -> Figure {
     let plot = Plot {
         title: "Predicted vibration error along the direction".into(),
         x: Axis {
-            label: "step along the direction / 1e\u{2212}6".into(),
+            label: "step along the direction / 10\u{207b}\u{2076}".into(),
             range: -1.04e6 * reach..1.04e6 * reach,
             ticks: Ticks::Round(8),
         },
         y: Axis {
-            label: "VRE at 1 g rms / 1e\u{2212}6 g".into(),
+            label: "VRE at 1 g rms / 10\u{207b}\u{2076} g".into(),
             range: y,
             ticks: Ticks::Round(6),
         },
@@ -525,101 +510,81 @@ pub(super) fn direction(report: &Report<'_>) -> Figure {
 
 /// The uncertainty of the predicted vibration error over the level.
 pub(super) fn levels(report: &Report<'_>) -> Figure {
-    let curve = |of: &dyn Fn(&outlook::LevelSigma) -> Option<f64>| -> Vec<(f64, f64)> {
-        let levels = report.levels.iter();
-        levels
-            .filter_map(|level| Some((level.rms_g.log10(), (1e6 * of(level)?).log10())))
+    let outlook = &report.outlook;
+    let x: Vec<f64> = outlook.rms_g.iter().map(|rms| rms.log10()).collect();
+    let curve = |values: &[f64]| -> Vec<(f64, f64)> {
+        let points = x.iter().zip(values).filter(|(_, value)| **value != 0.0);
+        points
+            .map(|(x, value)| (*x, (1e6 * value.abs()).log10()))
             .collect()
     };
-    let taken = curve(&|level| Some(level.taken_g));
-    let twice = curve(&|level| Some(level.twice_and_remounted_g?.0));
-    let remounted = curve(&|level| Some(level.twice_and_remounted_g?.1));
-    let error = curve(&|level| Some(level.vre_g.abs()).filter(|vre| *vre > 0.0));
-    let sigmas = || {
-        taken
+    let plans: Vec<_> = [&outlook.taken]
+        .into_iter()
+        .chain(&outlook.others)
+        .collect();
+    let floor = span(
+        plans
             .iter()
-            .chain(&twice)
-            .chain(&remounted)
-            .map(|(_, y)| *y)
-    };
-    let top = sigmas().chain(error.iter().map(|(_, y)| *y));
-    let y = span(sigmas().chain(top));
-    let floor = span(sigmas()).start;
+            .flat_map(|plan| curve(&plan.sigma_g))
+            .map(|(_, y)| y),
+    )
+    .start;
     // Where the error changes its sign its logarithm has no lower end.
-    let error: Vec<_> = error.into_iter().filter(|(_, log)| *log >= floor).collect();
-    let y = floor.max(y.start)..y.end;
-    let mut layers = vec![
-        Layer::new(
-            "the predicted error itself, for comparison",
-            colour::GREY,
-            Shape::Dashes(error),
-        ),
-        Layer::new("this plan as taken", colour::BLUE, Shape::Line(taken)),
+    let error: Vec<_> = curve(&outlook.vre_g)
+        .into_iter()
+        .filter(|(_, y)| *y >= floor)
+        .collect();
+    let highest = plans
+        .iter()
+        .flat_map(|plan| curve(&plan.sigma_g))
+        .chain(error.iter().copied());
+    let y = floor..span(highest.map(|(_, y)| y)).end;
+    let mut layers = vec![Layer::new(
+        "the predicted error itself, for comparison",
+        colour::GREY,
+        Shape::Dashes(error),
+    )];
+    let looks: [(RGBColor, fn(Vec<(f64, f64)>) -> Shape); 3] = [
+        (colour::BLUE, Shape::Line),
+        (colour::ORANGE, Shape::Dashes),
+        (colour::GREEN, Shape::Line),
     ];
-    if !twice.is_empty() {
-        layers.push(Layer::new(
-            "this plan taken twice",
-            colour::PURPLE,
-            Shape::Dashes(twice),
-        ));
-        layers.push(Layer::new(
-            "taken twice, the second time remounted by 180 deg",
-            colour::GREEN,
-            Shape::Line(remounted),
-        ));
+    for (plan, (colour, shape)) in plans.iter().zip(looks) {
+        layers.push(Layer::new(&plan.name, colour, shape(curve(&plan.sigma_g))));
     }
     let plot = Plot {
         title: "Uncertainty of the predicted vibration error over the level".into(),
         x: Axis {
             label: "white noise along IA, a0 = 0 / g rms".into(),
-            range: span(report.levels.iter().map(|level| level.rms_g.log10())),
+            range: span(x.iter().copied()),
             ticks: Ticks::Decades,
         },
         y: Axis {
-            label: "uncertainty of VRE / 1e\u{2212}6 g".into(),
+            label: "uncertainty of VRE / 10\u{207b}\u{2076} g".into(),
             range: y,
             ticks: Ticks::Decades,
         },
         layers,
         size: (WIDTH, 320),
     };
-    let gain = report
-        .levels
-        .iter()
-        .rev()
-        .find_map(|level| level.twice_and_remounted_g);
-    let gain = match gain {
-        Some((twice, remounted)) => format!(
-            " At the highest level remounting divides the uncertainty by {:.1} for the same number of readings, because mark \
-             errors of the dial then separate from the coefficients.",
-            twice / remounted
+    let gain = match outlook.gain {
+        Some(gain) if report.direction.blind => format!(
+            " Repeating this plan, remounted or not, would not help, as it stays blind. Completed by the missing angles it is \
+             determined; repeating all of it after remounting then divides the uncertainty by {gain:.1} at the highest level."
         ),
-        None => " This plan is taken with more than one mount already, which separates mark errors of the dial from the \
-                 coefficients."
+        Some(gain) => format!(
+            " More readings of the same kind help little, as they share the errors of the dial's marks. At the highest level \
+             remounting divides the uncertainty by {gain:.1} for the same number of readings, because the marks' errors then \
+             separate from the coefficients."
+        ),
+        None => " This plan has more than one mount already, which separates the errors of the dial's marks from the coefficients."
             .into(),
     };
     Figure {
         plots: vec![plot],
         caption: format!(
             "Standard uncertainty of the vibration error predicted from the static test, both axes logarithmic. Bad: the line of \
-             this plan near or above the dashed line, where the prediction is as uncertain as the error is large.{gain}"
+             the plan as taken near or above the dashed grey line, where the prediction is as uncertain as the error is large.{gain}"
         ),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::identification::NAMES;
-
-    #[test]
-    fn symbols_are_in_the_order_of_the_names() {
-        for (symbol, name) in SYMBOLS.iter().zip(NAMES) {
-            let plain = symbol.replace('\u{2032}', "_prime").to_lowercase();
-            assert!(
-                name.to_lowercase().starts_with(&plain),
-                "{symbol} for {name}"
-            );
-        }
     }
 }

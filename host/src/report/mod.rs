@@ -13,6 +13,7 @@ use std::fs;
 use std::path::Path;
 
 use shared::identify::static_test::Fit;
+use shared::model::NOMINAL;
 
 use crate::campaign::Campaign;
 use crate::error::Error;
@@ -20,8 +21,37 @@ use crate::identification::{Identification, Method, fit, identify};
 use crate::output::{write_file, write_json};
 use crate::prediction::{Prediction, predict};
 
-pub use outlook::{Direction, LevelSigma};
+pub use outlook::{Direction, Outlook, PlanSigma};
 pub use remarks::{Remark, Severity};
+
+/// Symbols of the coefficients in plain text, in the order of [`crate::identification::NAMES`].
+const SYMBOLS: [&str; NOMINAL] = [
+    "K1",
+    "k0",
+    "k1\u{2032}",
+    "k2",
+    "k3",
+    "k4",
+    "d_OA",
+    "d_PA",
+    "k_IP",
+    "k_IO",
+    "k_PO",
+];
+
+/// A number of one significant digit as a power of ten, `5×10⁻⁴`.
+fn scientific(number: f64) -> String {
+    let text = format!("{number:e}");
+    let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let raised = exponent.chars().map(|c| match c {
+        '-' => '\u{207b}',
+        '1' => '\u{b9}',
+        '2' => '\u{b2}',
+        '3' => '\u{b3}',
+        digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
+    });
+    format!("{digits}\u{d7}10{}", raised.collect::<String>()).replace('-', "\u{2212}")
+}
 
 /// All that the report shows of a campaign.
 #[derive(Clone, Debug)]
@@ -37,7 +67,7 @@ pub struct Report<'c> {
     /// The blind direction, or the least determined one.
     pub direction: Direction,
     /// Uncertainty of the predicted vibration error over the level of a white noise.
-    pub levels: Vec<LevelSigma>,
+    pub outlook: Outlook,
     /// What the reader must know first, the gravest first.
     pub remarks: Vec<Remark>,
 }
@@ -52,14 +82,14 @@ impl<'c> Report<'c> {
         let prediction = predict(campaign, &campaign.runs, None)?;
         let fit = fit(campaign, &[], prediction.prior_sigma)?;
         let direction = Direction::new(&identification, &fit, prediction.prior_sigma);
-        let levels = outlook::levels(campaign, &fit)?;
+        let outlook = Outlook::new(campaign, &identification, &fit)?;
         let mut report = Self {
             campaign,
             identification,
             prediction,
             fit,
             direction,
-            levels,
+            outlook,
             remarks: Vec::new(),
         };
         report.remarks = remarks::remarks(&report);
@@ -79,4 +109,27 @@ pub fn write<'c>(campaign: &'c Campaign, out: &Path) -> Result<Report<'c>, Error
     write_json(&out.join("prediction.json"), &report.prediction)?;
     write_file(&out.join("report.html"), page.as_bytes())?;
     Ok(report)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identification::NAMES;
+
+    #[test]
+    fn powers_of_ten_are_raised() {
+        assert_eq!(scientific(5e-4), "5\u{d7}10\u{207b}\u{2074}");
+        assert_eq!(scientific(-2.5e12), "\u{2212}2.5\u{d7}10\u{b9}\u{b2}");
+    }
+
+    #[test]
+    fn symbols_are_in_the_order_of_the_names() {
+        for (symbol, name) in SYMBOLS.iter().zip(NAMES) {
+            let plain = symbol.replace('\u{2032}', "_prime").to_lowercase();
+            assert!(
+                name.to_lowercase().starts_with(&plain),
+                "{symbol} for {name}"
+            );
+        }
+    }
 }

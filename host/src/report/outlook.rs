@@ -4,7 +4,7 @@ use shared::identify::blindness::singular_values;
 use shared::identify::static_test::Fit;
 use shared::model::{NOMINAL, SpecificForce};
 use shared::rectification::Sensitivity;
-use shared::tumble::Position;
+use shared::tumble::{COMPLETING_ANGLES_DEG, Position, Series};
 use shared::vibration::Random;
 
 use crate::campaign::Campaign;
@@ -93,61 +93,143 @@ impl Direction {
     }
 }
 
-/// Standard uncertainties of the predicted vibration error at one level, g.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LevelSigma {
-    /// Root mean square of the white noise along IA, g.
-    pub rms_g: f64,
-    /// The predicted vibration error, g.
-    pub vre_g: f64,
-    /// By the plan as it was taken.
-    pub taken_g: f64,
-    /// By the plan taken twice, and by as many readings with half of them remounted by 180 deg; none if the plan
-    /// has several mounts already.
-    pub twice_and_remounted_g: Option<(f64, f64)>,
+impl Direction {
+    /// Whether it lies mostly among k1', k2 and k4, which more values of |a_I| tell apart.
+    pub(super) fn among_even_terms(&self) -> bool {
+        let even = [2, 3, 5].map(|k: usize| self.components[k].powi(2));
+        even.iter().sum::<f64>() > 0.5
+    }
 }
 
-/// Levels from 0.1 g to a quarter of the full scale, where noise reaches the stops at 4 sigma.
-pub(super) fn levels(campaign: &Campaign, fit: &Fit<f64>) -> Result<Vec<LevelSigma>, Error> {
-    const COUNT: u32 = 25;
-    let highest_g = (campaign.config.instrument.full_scale_g / 4.0).max(0.2);
-    let rms_g = |k: u32| 0.1 * (highest_g / 0.1).powf(f64::from(k) / f64::from(COUNT - 1));
-    let environments: Vec<_> = (0..COUNT)
-        .map(|k| Environment {
+/// How well static tests predict the vibration error of a white noise along IA with a0 = 0, over its level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outlook {
+    /// Levels, g rms: from 0.1 g to a quarter of the full scale, where noise reaches the stops at 4 sigma.
+    pub rms_g: Vec<f64>,
+    /// The predicted vibration error at each level, g.
+    pub vre_g: Vec<f64>,
+    /// The plan as it was taken.
+    pub taken: PlanSigma,
+    /// Plans that would do better, and what they are compared with.
+    pub others: Vec<PlanSigma>,
+    /// By how much the last of the others divides the uncertainty of the first at the highest level.
+    pub gain: Option<f64>,
+}
+
+/// Standard uncertainty of the vibration error that a plan of dial positions predicts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanSigma {
+    /// What the plan is.
+    pub name: String,
+    /// At each level, by the prior too where the plan is blind, g.
+    pub sigma_g: Vec<f64>,
+}
+
+impl Outlook {
+    const LEVELS: u32 = 25;
+
+    /// For a plan with one mount: taken twice, and with half of the readings remounted by 180 deg; a blind plan is
+    /// completed first.
+    pub(super) fn new(
+        campaign: &Campaign,
+        found: &Identification,
+        fit: &Fit<f64>,
+    ) -> Result<Self, Error> {
+        let highest_g = (campaign.config.instrument.full_scale_g / 4.0).max(0.2);
+        let share = |k: u32| f64::from(k) / f64::from(Self::LEVELS - 1);
+        let rms_g: Vec<f64> = (0..Self::LEVELS)
+            .map(|k| 0.1 * (highest_g / 0.1).powf(share(k)))
+            .collect();
+        let judge = Judge::new(campaign, fit, &rms_g);
+        let plan: Vec<Position> = campaign
+            .readings
+            .iter()
+            .map(identification::position)
+            .collect();
+        let taken = judge.plan("as taken", &plan)?;
+        let one_mount = plan.iter().all(|p| p.mount_deg == plan[0].mount_deg);
+        let mut others = Vec::new();
+        if found.rank < NOMINAL {
+            let more = completing(plan[0].mount_deg);
+            let completed: Vec<Position> = plan.iter().copied().chain(more).collect();
+            others.push(judge.plan("with the angles named above added", &completed)?);
+            others.push(judge.plan(
+                "with these, all of it repeated after remounting by 180 deg",
+                &twice_and_remounted(&completed).1,
+            )?);
+        } else if one_mount {
+            let (twice, remounted) = twice_and_remounted(&plan);
+            others.push(judge.plan("taken twice", &twice)?);
+            others.push(judge.plan("repeated after remounting by 180 deg", &remounted)?);
+        }
+        let gain = match others.as_slice() {
+            [first, .., last] => first
+                .sigma_g
+                .last()
+                .zip(last.sigma_g.last())
+                .map(|(f, l)| f / l),
+            _ => None,
+        };
+        let vre_g = rms_g
+            .iter()
+            .map(|rms| white_noise(*rms).vre_g(&fit.coefficients))
+            .collect();
+        Ok(Self {
+            rms_g,
+            vre_g,
+            taken,
+            others,
+            gain,
+        })
+    }
+}
+
+/// The angles that complete the paper's plan, in series 1 and 2.
+fn completing(mount_deg: f64) -> impl Iterator<Item = Position> {
+    [Series::OutputAxis, Series::PendulousAxis]
+        .into_iter()
+        .flat_map(move |series| {
+            COMPLETING_ANGLES_DEG.map(move |dial_deg| Position {
+                series,
+                dial_deg,
+                mount_deg,
+            })
+        })
+}
+
+/// The campaign's bench and the levels.
+struct Judge {
+    conditions: Conditions,
+    environments: Vec<Environment>,
+}
+
+impl Judge {
+    fn new(campaign: &Campaign, fit: &Fit<f64>, rms_g: &[f64]) -> Self {
+        let readings = &campaign.readings;
+        let k1 = fit.coefficients.scale_factor_v_per_g;
+        let environment = |rms: &f64| Environment {
             name: String::new(),
             a0_i_g: 0.0,
-            moments: Random::along(SpecificForce::new(rms_g(k), 0.0, 0.0)).into(),
-        })
-        .collect();
-    let readings = &campaign.readings;
-    let k1 = fit.coefficients.scale_factor_v_per_g;
-    let conditions = Conditions {
-        bench: identification::bench(&campaign.config.bench),
-        noise_g: readings.iter().map(|r| r.sigma_v).sum::<f64>() / readings.len() as f64 / k1,
-        prior_sigma: DEFAULT_PRIOR_SIGMA,
-    };
-    let sigmas_g = |plan: &[Position]| -> Result<Vec<f64>, Error> {
-        let judged = assess(plan, &conditions, &environments)
-            .map_err(|error| Error::Usage(format!("the plan cannot be judged: {error}")))?;
-        Ok(judged.environments.iter().map(|e| e.sigma_g()).collect())
-    };
-    let plan: Vec<Position> = readings.iter().map(identification::position).collect();
-    let taken = sigmas_g(&plan)?;
-    let one_mount = plan.iter().all(|p| p.mount_deg == plan[0].mount_deg);
-    let other = if one_mount {
-        let (twice, remounted) = twice_and_remounted(&plan);
-        Some((sigmas_g(&twice)?, sigmas_g(&remounted)?))
-    } else {
-        None
-    };
-    let level = |k: u32| {
-        let at = k as usize;
-        LevelSigma {
-            rms_g: rms_g(k),
-            vre_g: white_noise(rms_g(k)).vre_g(&fit.coefficients),
-            taken_g: taken[at],
-            twice_and_remounted_g: other.as_ref().map(|(t, r)| (t[at], r[at])),
+            moments: Random::along(SpecificForce::new(*rms, 0.0, 0.0)).into(),
+        };
+        Self {
+            conditions: Conditions {
+                bench: identification::bench(&campaign.config.bench),
+                noise_g: readings.iter().map(|r| r.sigma_v).sum::<f64>()
+                    / readings.len() as f64
+                    / k1,
+                prior_sigma: DEFAULT_PRIOR_SIGMA,
+            },
+            environments: rms_g.iter().map(environment).collect(),
         }
-    };
-    Ok((0..COUNT).map(level).collect())
+    }
+
+    fn plan(&self, name: &str, plan: &[Position]) -> Result<PlanSigma, Error> {
+        let judged = assess(plan, &self.conditions, &self.environments)
+            .map_err(|error| Error::Usage(format!("the plan cannot be judged: {error}")))?;
+        Ok(PlanSigma {
+            name: format!("this plan {name}, {} readings", plan.len()),
+            sigma_g: judged.environments.iter().map(|e| e.sigma_g()).collect(),
+        })
+    }
 }

@@ -5,10 +5,9 @@ use shared::model::NOMINAL;
 
 use super::figures::{self, Figure};
 use super::remarks::{self, Severity};
-use super::{Report, text};
+use super::{Report, scientific, text};
 use crate::error::Error;
 use crate::identification::MEANINGS;
-use crate::prediction::DEFAULT_PRIOR_SIGMA;
 use crate::quantity::Quantity;
 
 const STYLE: &str = "
@@ -36,6 +35,7 @@ figcaption { font-size: .93rem; color: #333; }
 table { border-collapse: collapse; font-size: .9rem; margin: .6rem 0; font-variant-numeric: tabular-nums; }
 th, td { padding: .2rem .7rem; border-bottom: 1px solid #ddd; text-align: left; }
 th { border-bottom: 2px solid #999; vertical-align: bottom; }
+sub, sup { line-height: 0; font-size: .75em; }
 .number { text-align: right; white-space: nowrap; }
 .far { background: #fdf1e8; font-weight: 600; }
 footer { margin-top: 2.5rem; border-top: 1px solid #ddd; padding-top: .6rem; font-size: .85rem; color: #444; }
@@ -228,15 +228,18 @@ fn direction(report: &Report<'_>) -> Result<Markup, Error> {
         h2 { @if direction.blind { "What no reading sees" } @else { "What the readings see least" } }
         p {
             @if direction.blind {
-                "Gravity takes the input axis to a few values of |a" sub { "I" } "| only in this plan, too few to tell the even \
-                terms of the model apart. The coefficients may move together along "
+                @if direction.among_even_terms() {
+                    "Gravity takes the input axis to a few values of |a" sub { "I" } "| only in this plan, too few to tell the \
+                    even terms of the model apart. "
+                }
+                "The coefficients may move together along "
             } @else {
                 "Every coefficient is determined. Least so, among those that make vibration error, is their combination "
             }
             @for (k, c) in &parts { (format!("{c:+.2}").replace('-', "\u{2212}")) "\u{a0}" (symbol(*k)) " " }
-            @if direction.blind { "without any reading changing. " } @else { "(standard uncertainty " (format!("{:.1}", 1e6 * direction.sigma)) " \u{d7} 10" sub { "" } sup { "\u{2212}6" } "). " }
+            @if direction.blind { "without any reading changing. " } @else { "(standard uncertainty " (format!("{:.1}", 1e6 * direction.sigma)) " \u{d7} 10" sup { "\u{2212}6" } "). " }
             "In a white noise of 1 g rms along the input axis one standard uncertainty along it"
-            @if direction.blind { ", which is the assumption 0 \u{b1} " (format!("{:e}", direction.sigma).replace('-', "\u{2212}")) "," }
+            @if direction.blind { ", which is the assumption 0 \u{b1} " (scientific(direction.sigma)) "," }
             " moves the predicted vibration error by " (change) " \u{d7} 10" sup { "\u{2212}6" } " g."
         }
         (figure(&figures::direction(report))?)
@@ -291,12 +294,11 @@ fn reading_it(report: &Report<'_>) -> Markup {
             @match report.prediction.prior_sigma {
                 Some(sigma) => {
                     "Assumed, because the plan is blind: every coefficient but K" sub { "1" } " is 0 \u{b1} "
-                    (format!("{sigma:e}").replace('-', "\u{2212}"))
+                    (scientific(sigma))
                     " in its own unit before the first reading. It enters the predictions, not the table of coefficients."
                 }
                 None => {
-                    "No prior knowledge of the coefficients is assumed in the predictions. "
-                    @if report.direction.blind { "" } @else { "Where a picture speaks of other plans that are blind, 0 \u{b1} " (format!("{DEFAULT_PRIOR_SIGMA:e}").replace('-', "\u{2212}")) " is taken." }
+                    "No prior knowledge of the coefficients is assumed in the predictions."
                 }
             }
             " The level of a run is the commanded one. The third and fourth moments of a random run are those that the reference \

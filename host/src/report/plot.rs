@@ -287,7 +287,7 @@ impl Plot {
             let mut chart = ChartBuilder::on(area)
                 .margin_top(8 * FINE)
                 .margin_right(14 * FINE)
-                .x_label_area_size(46 * FINE)
+                .x_label_area_size(42 * FINE)
                 .y_label_area_size(left * FINE)
                 .build_cartesian_2d(self.x.scale(), self.y.scale())?;
             chart

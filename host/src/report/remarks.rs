@@ -2,9 +2,8 @@
 
 use shared::model::NOMINAL;
 
-use super::{Report, outlook};
+use super::{Report, SYMBOLS, outlook, scientific};
 use crate::finite_record::unseen_variance_g2;
-use crate::identification::NAMES;
 
 /// How grave a remark is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -76,7 +75,10 @@ pub(super) fn remarks(report: &Report<'_>) -> Vec<Remark> {
 
 /// A direction as a sum, components below one per mille left out.
 pub(super) fn spelt(direction: &[f64; NOMINAL]) -> String {
-    let named = NAMES.iter().zip(direction).filter(|(_, c)| c.abs() > 1e-3);
+    let named = SYMBOLS
+        .iter()
+        .zip(direction)
+        .filter(|(_, c)| c.abs() > 1e-3);
     let parts: Vec<_> = named.map(|(name, c)| format!("{c:+.3} {name}")).collect();
     parts.join(" ").replace('-', "\u{2212}")
 }
@@ -92,13 +94,19 @@ fn blindness(report: &Report<'_>) -> Option<Remark> {
         ),
         text: format!(
             "The dial positions of this campaign cannot tell some coefficients apart. If the instrument's coefficients \
-             changed together along {}, not one reading would change, but the vibration error would: by {:.0}e\u{2212}6 g \
-             in 1 g rms of white noise for a step of 1e\u{2212}4. Where a prediction from the static test depends on this \
-             direction it rests on an assumption (each coefficient but K1 taken as 0 \u{b1} {sigma:e}), not on a \
-             measurement; its stated uncertainty includes this. Remedy: readings at 30, 60, 120, 150, 210, 240, 300 and \
-             330 deg of the dial in series 1 and 2 (`vre plan` lists the best ones), or shaker runs, which do see it.",
+             changed together along {}, not one reading would change, but the vibration error would: by {:.0}\u{d7}10\u{207b}\u{2076} g \
+             in 1 g rms of white noise for a step of 10\u{207b}\u{2074}. Where a prediction from the static test depends on this \
+             direction it rests on an assumption (each coefficient but K1 taken as 0 \u{b1} {}), not on a measurement; \
+             its stated uncertainty includes this. Remedy: {} (vre plan lists the best positions), or shaker runs, which do \
+             see it.",
             spelt(&direction.components),
             100.0 * direction.vre_g_per_unit.abs(),
+            scientific(sigma),
+            if direction.among_even_terms() {
+                "readings at 30, 60, 120, 150, 210, 240, 300 and 330 deg of the dial in series 1 and 2"
+            } else {
+                "readings in the series that are missing"
+            },
         ),
     })
 }
@@ -166,7 +174,7 @@ fn counted(gaps: &[Gap], count: usize, run: u64, worst: f64) -> String {
     )
 }
 
-/// One run in a hundred tables of a hundred runs exceeds four sigma by chance.
+/// By chance less than one table of a hundred runs in a hundred has a gap beyond four.
 fn severity(worst: f64) -> Severity {
     if worst > 4.0 {
         Severity::Warning
@@ -177,14 +185,21 @@ fn severity(worst: f64) -> Severity {
 
 fn against_static(gaps: &[Gap]) -> Option<Remark> {
     let (count, run, worst) = beyond(gaps.iter().map(|gap| (gap.run, gap.from_static)))?;
-    Some(Remark {
-        severity: severity(worst),
-        heading: "Predicted from the static test and measured do not agree".into(),
-        text: format!(
-            "{} All predictions share the same coefficients, so they go astray together; look at which level, frequency \
-             and direction the runs in question have.",
-            counted(gaps, count, run, worst)
-        ),
+    let counted = counted(gaps, count, run, worst);
+    Some(match severity(worst) {
+        severity @ Severity::Warning => Remark {
+            severity,
+            heading: "Predicted from the static test and measured do not agree".into(),
+            text: format!(
+                "{counted} All predictions share the same coefficients, so they go astray together; look at which level, \
+                 frequency and direction the runs in question have."
+            ),
+        },
+        severity @ Severity::Note => Remark {
+            severity,
+            heading: "Some runs lie at the edge of what the static test predicts".into(),
+            text: format!("{counted} This can be chance."),
+        },
     })
 }
 
@@ -193,15 +208,25 @@ fn against_model(gaps: &[Gap]) -> Option<Remark> {
         .iter()
         .filter_map(|gap| Some((gap.run, gap.from_refit?)));
     let (count, run, worst) = beyond(fitted)?;
-    Some(Remark {
-        severity: severity(worst),
-        heading: "No set of coefficients fits static test and shaker together".into(),
-        text: format!(
-            "With the model fitted to both, {} Something acts that the model of IEEE 1293 does not have: a resonance of \
-             the fixture, the bandwidth of the loop, heating, a clipped output. The column \u{201c}static + shaker\u{201d} \
-             is then a compromise, and its uncertainties are too small.",
-            counted(gaps, count, run, worst)
-        ),
+    let counted = format!(
+        "With the model fitted to both, {}",
+        counted(gaps, count, run, worst)
+    );
+    Some(match severity(worst) {
+        severity @ Severity::Warning => Remark {
+            severity,
+            heading: "No set of coefficients fits static test and shaker together".into(),
+            text: format!(
+                "{counted} Something acts that the model of IEEE 1293 does not have: a resonance of the fixture, the \
+                 bandwidth of the loop, heating, a clipped output. The column \u{201c}static + shaker\u{201d} is then a \
+                 compromise, and its uncertainties are too small."
+            ),
+        },
+        severity @ Severity::Note => Remark {
+            severity,
+            heading: "Static test and shaker fit together, with runs at the edge".into(),
+            text: format!("{counted} This can be chance."),
+        },
     })
 }
 
@@ -234,7 +259,7 @@ pub(super) fn summary(report: &Report<'_>) -> String {
     };
     format!(
         "Instrument {} was read {} times at {} dial angles and shaken {} times. In a white noise of 1 g rms along its \
-         input axis, at a\u{2080} = 0, the static test alone predicts a vibration rectification error of {} \u{d7} 1e\u{2212}6 g{}. \
+         input axis, at a\u{2080} = 0, the static test alone predicts a vibration rectification error of {} \u{d7} 10\u{207b}\u{2076} g{}. \
          {agreement}",
         campaign.config.instrument.serial,
         campaign.readings.len(),
