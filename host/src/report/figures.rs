@@ -221,7 +221,7 @@ pub(super) fn residuals(report: &Report<'_>) -> Figure {
         caption: "Reading less model at the nominal angle, the angle of each mounting taken out. A dial mark that is off by an \
                   angle moves the output by that angle times sin \u{3c6}: the band is wide at 90 and 270 deg and narrow at 0 \
                   and 180 deg. The readings at one mark share its error, so repeats lie close together anywhere within the \
-                  band. Bad: many marks outside of the band, or a trend within one angle."
+                  band. Series 3 sees the dial not at all: noise, and one tilt of the base as an offset. Bad: many marks outside of the band, or a trend within one angle."
             .into(),
     }
 }
@@ -544,13 +544,14 @@ pub(super) fn levels(report: &Report<'_>) -> Figure {
         colour::GREY,
         Shape::Dashes(error),
     )];
-    let looks: [(RGBColor, fn(Vec<(f64, f64)>) -> Shape); 3] = [
-        (colour::BLUE, Shape::Line),
-        (colour::ORANGE, Shape::Dashes),
-        (colour::GREEN, Shape::Line),
-    ];
-    for (plan, (colour, shape)) in plans.iter().zip(looks) {
-        layers.push(Layer::new(&plan.name, colour, shape(curve(&plan.sigma_g))));
+    for (index, plan) in plans.iter().enumerate() {
+        let points = curve(&plan.sigma_g);
+        let (colour, shape) = match index {
+            0 => (colour::BLUE, Shape::Line(points)),
+            1 => (colour::ORANGE, Shape::Dashes(points)),
+            _ => (colour::GREEN, Shape::Line(points)),
+        };
+        layers.push(Layer::new(&plan.name, colour, shape));
     }
     let plot = Plot {
         title: "Uncertainty of the predicted vibration error over the level".into(),
