@@ -19,7 +19,7 @@
 //! Intervals hold the true value as often as claimed for white and flicker noise, with or without a
 //! sine, and more often than claimed if the noise remembers about a hundredth of the record.
 //!
-//! `f64` only: a mean of 10^6 samples to 1e-7 of a scale of 1 leaves no digit in `f32`. Memory is constant:
+//! `f64` only: a mean of 10^6 samples to 1e-7 of a scale of 1 leaves not one sound digit in `f32`. Memory is constant:
 //! one row of a few numbers for each doubling of the length.
 
 use core::array::from_fn;
