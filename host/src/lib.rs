@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod campaign;
+pub mod capture;
 pub mod cli;
 pub mod diagnose;
 pub mod error;

@@ -49,11 +49,9 @@ impl Key {
 pub struct SegmentSums {
     /// Moments of its samples, codes.
     pub moments: Moments<f64>,
-    /// Conversions that were lost within it.
-    pub lost: u64,
-    /// The instrument's output block by block, V.
-    pub output_v: Trace,
-    /// The same by quarters of the blocks expected, for the drift.
+    /// Blocks that had samples.
+    blocks: u64,
+    /// The instrument's output block by block, V, by quarters of the blocks expected.
     quarters: [Trace; 4],
 }
 
@@ -62,15 +60,17 @@ pub struct SegmentSums {
 pub struct Reduction {
     identity: Option<Identity>,
     segments: BTreeMap<Key, SegmentSums>,
-    /// Blocks in a full plateau during vibration, so that its quarters are known while it lasts.
-    blocks_during: u64,
+    /// Blocks in a full reading and in a full plateau, so that quarters are known while they last.
+    reading_blocks: u64,
+    plateau_blocks: u64,
 }
 
 impl Reduction {
-    /// Nothing yet; a plateau during vibration is going to have `blocks_during` blocks.
-    pub fn new(blocks_during: u64) -> Self {
+    /// Nothing yet; a reading is going to have `reading_blocks` blocks, a plateau `plateau_blocks`.
+    pub fn new(reading_blocks: u64, plateau_blocks: u64) -> Self {
         Self {
-            blocks_during,
+            reading_blocks,
+            plateau_blocks,
             ..Self::default()
         }
     }
@@ -96,6 +96,10 @@ impl Reduction {
     }
 
     fn absorb_block(&mut self, block: &Block) -> Result<(), ReductionError> {
+        let expected = match block.segment {
+            Segment::Reading(_) => self.reading_blocks,
+            _ => self.plateau_blocks,
+        };
         let Some(key) = Key::new(block.segment) else {
             return Ok(());
         };
@@ -113,17 +117,15 @@ impl Reduction {
             }
             std::collections::btree_map::Entry::Vacant(new) => new.insert(SegmentSums {
                 moments,
-                lost: 0,
-                output_v: Trace::new(),
+                blocks: 0,
                 quarters: std::array::from_fn(|_| Trace::new()),
             }),
         };
-        segment.lost += u64::from(block.lost);
-        let quarter = (4 * segment.output_v.count()).checked_div(self.blocks_during);
+        let quarter = (4 * segment.blocks).checked_div(expected);
         if let Some(trace) = quarter.and_then(|q| segment.quarters.get_mut(q as usize)) {
             trace.push(output_v)?;
         }
-        segment.output_v.push(output_v)?;
+        segment.blocks += 1;
         Ok(())
     }
 
@@ -154,13 +156,11 @@ impl Reduction {
 }
 
 impl SegmentSums {
-    /// Standard uncertainty of the mean output from noise, V; of a segment at rest.
-    ///
-    /// # Errors
-    /// [`SlopeError::TooShort`].
-    pub fn sigma_v(&self) -> Result<f64, SlopeError> {
-        let blocks = self.output_v.count();
-        Ok((self.output_v.noise(blocks)?.density / blocks as f64).sqrt())
+    /// Mean output of the second half less that of the first, V; its variance over segments at rest is four times that
+    /// of a segment's mean, whatever is slower than white noise included. `None` of a segment that ended too early.
+    pub fn half_difference_v(&self) -> Option<f64> {
+        let [a, b, c, d] = &self.quarters;
+        Some(0.5 * (c.mean()? + d.mean()? - a.mean()? - b.mean()?))
     }
 
     /// (Level at the end - level at the start) / duration, and its standard uncertainty, V/s: from the lines fitted to the

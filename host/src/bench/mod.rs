@@ -18,6 +18,7 @@ pub mod converter;
 pub mod dial;
 pub mod effects;
 pub mod environment;
+pub mod excitation;
 pub mod noise;
 pub mod plan;
 pub mod reference;

@@ -42,6 +42,7 @@ macro_rules! commands {
 }
 
 commands! {
+    demo::Demo,
     diagnose::Diagnose,
     identify::Identify,
     measure::Measure,
