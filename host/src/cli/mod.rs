@@ -43,6 +43,7 @@ macro_rules! commands {
 
 commands! {
     demo::Demo,
+    blind_check::BlindCheck,
     diagnose::Diagnose,
     identify::Identify,
     measure::Measure,

@@ -361,6 +361,14 @@ impl Problem<'_> {
             .collect()
     }
 
+    /// Length of a difference beyond what the nominal model can imitate.
+    pub fn length(&self, null: &Fit, difference: &Column) -> f64 {
+        let nothing = self.column(vec![0.0; self.weights.len()]);
+        self.reduced(null, &[difference], &nothing).0[0]
+            .max(0.0)
+            .sqrt()
+    }
+
     /// What the effects of a fit add to the observations, whitened.
     pub fn signature(&self, fit: &Fit) -> Column {
         let mut sum: Vec<f64> = self.observed.values.clone();

@@ -25,6 +25,9 @@ const LISTED: f64 = 1e-3;
 /// What an unexplained gap leaves of the probability of hypotheses that do not explain it.
 const UNEXPLAINED_REST: f64 = 0.1;
 
+/// Closed fraction above which the best hypothesis serves predictions though it does not explain everything.
+const TRUSTED_IF_UNEXPLAINED: f64 = 0.9;
+
 /// In a word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -178,9 +181,14 @@ impl Diagnosis {
 
     /// The most probable effects with their parameters, as far as adding them makes predictions better.
     pub fn members(&self) -> Vec<Member> {
+        let least = if self.verdict == Verdict::Unexplained {
+            TRUSTED_IF_UNEXPLAINED
+        } else {
+            0.0
+        };
         let helps = self
             .shrink
-            .is_none_or(|shrink| shrink.closed_fraction > 0.0);
+            .is_none_or(|shrink| shrink.closed_fraction > least);
         let best = self.which.first().filter(|_| helps);
         let effects = best
             .into_iter()

@@ -363,6 +363,10 @@ impl Problem<'_> {
                     break;
                 }
             }
+            if round == 0 && self.sweep(&mut members, &trust) {
+                parts = self.parts(&members);
+                solution = self.solve_parts(&members, &parts, &trust)?;
+            }
             // What of the random runs nobody saw follows from the fit itself.
             let theta = nominal(&solution.x);
             let motions = parts.motions.as_deref().unwrap_or(&self.situation.motions);
@@ -384,6 +388,33 @@ impl Problem<'_> {
             trust,
             log_variance,
         )
+    }
+
+    /// Moves parameters that go by steps to the best value near their start, finer than the grid; whether any moved.
+    fn sweep(&self, members: &mut [Member], trust: &[f64]) -> bool {
+        const FINE: i32 = 24;
+        let mut moved = false;
+        for m in 0..members.len() {
+            for k in 0..members[m].effect.parameters.len() {
+                let Role::Stepped { from, to, points } = members[m].effect.parameters[k].role
+                else {
+                    continue;
+                };
+                let start = members[m].values[k];
+                let step = 1.5 * (to - from) / points as f64 / f64::from(FINE);
+                let mut best = (self.profile(members, trust), start);
+                for n in -FINE..=FINE {
+                    members[m].values[k] = (start + f64::from(n) * step).clamp(from, to);
+                    let objective = self.profile(members, trust);
+                    if objective < best.0 {
+                        best = (objective, members[m].values[k]);
+                    }
+                }
+                members[m].values[k] = best.1;
+                moved |= best.1 != start;
+            }
+        }
+        moved
     }
 
     /// Columns of the derivatives by the curved parameters on their internal scale.

@@ -9,6 +9,7 @@
 //! static identification, so that residuals of a fit without it would mislead.
 
 mod adequacy;
+pub mod blind;
 pub mod catalogue;
 mod dense;
 pub mod diagnosis;

@@ -149,11 +149,15 @@ pub struct Problem<'c> {
 impl<'c> Problem<'c> {
     /// The campaign's observations; `further` runs are there for their predictions alone.
     pub fn new(campaign: &'c Campaign, further: &'c [Run]) -> Self {
+        Self::with_scale(campaign, further, scale_factor(campaign))
+    }
+
+    /// The same with outputs divided by a given scale factor, V/g.
+    pub fn with_scale(campaign: &'c Campaign, further: &'c [Run], scale_v_per_g: f64) -> Self {
         let readings = &campaign.readings[..];
         let mut runs: Vec<&Run> = campaign.runs.iter().chain(further).collect();
         runs.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         let bench = &campaign.config.bench;
-        let scale_v_per_g = scale_factor(campaign);
         let situation = Situation {
             motions: runs.iter().map(|run| Motion::commanded(run)).collect(),
             averages: Averages::new(runs.iter().copied()),

@@ -19,6 +19,8 @@ const WORTH: f64 = 3.0;
 const MISFIT: f64 = 1e-4;
 /// Share of the gap (in units of its root) below which a misfit is the formulas' and not another effect's.
 const TOLERATED_SHARE: f64 = 0.05;
+/// Likeness of two effects of a set of three or more beyond which they stand in together for something else.
+const STAND_IN: f64 = 0.5;
 /// Most effects at once.
 const MOST_EFFECTS: usize = 3;
 /// Best hypotheses that another effect is added to.
@@ -139,6 +141,9 @@ impl Problem<'_> {
                         }
                     }
                 }
+            }
+            if effects > 2 {
+                larger.retain(|fit| self.likeness(&null, fit) < STAND_IN);
             }
             fits.extend(larger);
             adequacy = judge(&fits, self).unwrap_or(adequacy);
@@ -275,6 +280,31 @@ impl Problem<'_> {
             gain += base.residuals[row].powi(2) * added / (1.0 + added) - added.ln_1p();
         }
         gain
+    }
+
+    /// Largest likeness of any two effects of a fit, beyond what the nominal model can imitate.
+    fn likeness(&self, null: &Fit, fit: &Fit) -> f64 {
+        let alone: Vec<Column> = fit
+            .members
+            .iter()
+            .map(|member| self.alone(fit, member))
+            .collect();
+        let references: Vec<&Column> = alone.iter().collect();
+        let correlation = self.similarity(null, &references);
+        let mut largest = 0.0_f64;
+        for i in 0..alone.len() {
+            for j in 0..i {
+                largest = largest.max(correlation[i][j].abs());
+            }
+        }
+        largest
+    }
+
+    /// What one effect of a fit adds to the observations.
+    fn alone(&self, fit: &Fit, member: &Member) -> Column {
+        let (_, with, _) = self.tangent(std::slice::from_ref(member), &fit.theta);
+        let (_, bare, _) = self.tangent(&[], &fit.theta);
+        self.column(with.iter().zip(&bare).map(|(a, b)| a - b).collect())
     }
 
     /// The most likely size of a scatter, at a fit's residuals without it.

@@ -49,17 +49,22 @@ impl Problem<'_> {
             return None;
         }
         let from_static = self.static_only()?;
-        let (mut statics, mut refit, mut with, mut floor, mut spread) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        let (mut statics, mut refit, mut with, mut floor) = (0.0, 0.0, 0.0, 0.0);
+        let (mut between, mut spread) = (0.0, 0.0);
         for (kind, band_hz) in conditions {
             let runs = self.situation.runs.iter().enumerate();
             let fold: Vec<usize> = runs
                 .filter(|(_, run)| measured(run) && run.kind == kind && run.band_hz == band_hz)
                 .map(|(row, _)| row)
                 .collect();
-            refit += self.held_out(null, &fold)?.0;
-            let (square, variance) = self.held_out(fit, &fold)?;
-            with += square;
-            spread += variance;
+            let nominal = self.held_out(null, &fold)?;
+            let effects = self.held_out(fit, &fold)?;
+            for ((a, _), (b, variance)) in nominal.iter().zip(&effects) {
+                refit += a * a;
+                with += b * b;
+                between += (a - b).powi(2);
+                spread += variance;
+            }
             for &row in &fold {
                 let [during, before] =
                     [Block::During, Block::Before].map(|block| self.range(block).start + row);
@@ -74,13 +79,14 @@ impl Problem<'_> {
             }
         }
         let rms = |sum: f64| (sum / made as f64).sqrt();
-        let above = |sum: f64| (sum - floor).max(0.0);
-        // A good prediction is no better than its own uncertainty allows.
-        let left = above(with).max(spread);
-        let closed = if fit.members.is_empty() || above(refit) <= 0.0 {
+        // Noise is common to both errors: their difference shows what the effects close far better than either. What
+        // is left is the prediction's own uncertainty, and an error beyond what noise alone makes of the sum.
+        let chance = 2.0 * floor * (2.0 / made as f64).sqrt();
+        let left = spread + (with - floor - spread - chance).max(0.0);
+        let closed = if fit.members.is_empty() {
             0.0
         } else {
-            1.0 - (left / above(refit)).sqrt()
+            1.0 - (left / (between + left)).sqrt()
         };
         Some(Shrink {
             held_out_rms_static_only_g: rms(statics),
@@ -98,9 +104,9 @@ impl Problem<'_> {
         column.values[during] / self.weights[during] - column.values[before] / self.weights[before]
     }
 
-    /// Sum over runs left out of the squared error of their predicted vibration error, and of its variance, g^2: the
+    /// Of each run left out the error of its predicted vibration error (g) and the prediction's variance (g^2): the
     /// normal equations of the fit less those runs' rows, linear about the fit.
-    fn held_out(&self, fit: &Fit, fold: &[usize]) -> Option<(f64, f64)> {
+    fn held_out(&self, fit: &Fit, fold: &[usize]) -> Option<Vec<(f64, f64)>> {
         let n = fit.columns.len();
         let mut matrix = Cholesky::new(fit.covariance.clone(), n)?.inverse();
         let mut right = vec![0.0; n];
@@ -130,7 +136,7 @@ impl Problem<'_> {
         }
         let factor = Cholesky::new(matrix, n)?;
         factor.solve(&mut right);
-        let (mut square, mut variance) = (0.0, 0.0);
+        let mut errors = Vec::with_capacity(fold.len());
         for &run in fold {
             let [during, before] =
                 [Block::During, Block::Before].map(|block| self.range(block).start + run);
@@ -138,11 +144,10 @@ impl Problem<'_> {
             let residual = fit.residuals[during] / (self.weights[during] * fit.trust[run].sqrt())
                 - fit.residuals[before] / self.weights[before];
             let error = residual - x.iter().zip(&right).map(|(x, d)| x * d).sum::<f64>();
-            square += error * error;
             factor.forward(&mut x);
-            variance += x.iter().map(|x| x * x).sum::<f64>();
+            errors.push((error, x.iter().map(|x| x * x).sum::<f64>()));
         }
-        Some((square, variance))
+        Some(errors)
     }
 
     /// The linear unknowns of the nominal model from the static readings alone.
