@@ -108,12 +108,23 @@ impl Problem<'_> {
     }
 
     /// Normal matrix and right-hand side of further columns, with all unknowns of the fit eliminated.
-    fn reduced(&self, fit: &Fit, columns: &[&Column], residual: &Column) -> (Vec<f64>, Vec<f64>) {
+    pub(super) fn reduced(
+        &self,
+        fit: &Fit,
+        columns: &[&Column],
+        residual: &Column,
+    ) -> (Vec<f64>, Vec<f64>) {
         let (n, k) = (fit.columns.len(), columns.len());
         let root: Vec<f64> = fit.trust.iter().map(|t| t.sqrt()).collect();
         let mut matrix = vec![0.0; k * k];
         let mut across = vec![0.0; n * k];
-        let right: Vec<f64> = columns
+        let mut right: Vec<f64> = columns
+            .iter()
+            .map(|c| self.dot(c, residual, &root))
+            .collect();
+        // A fit that ended at the edge of a range leaves a slope; the columns must not be credited with it.
+        let slope: Vec<f64> = fit
+            .columns
             .iter()
             .map(|c| self.dot(c, residual, &root))
             .collect();
@@ -131,13 +142,19 @@ impl Problem<'_> {
                         .sum()
                 })
                 .collect();
+            right[j] -= solved.iter().zip(&slope).map(|(s, g)| s * g).sum::<f64>();
             for i in 0..=j {
                 let taken: f64 = across[i * n..(i + 1) * n]
                     .iter()
                     .zip(&solved)
                     .map(|(b, s)| b * s)
                     .sum();
-                let value = self.dot(columns[i], columns[j], &fit.trust) - taken;
+                let whole = self.dot(columns[i], columns[j], &fit.trust);
+                let mut value = whole - taken;
+                // What the fit's unknowns imitate but for rounding is nothing.
+                if i == j && value < 1e-7 * whole {
+                    value = 0.0;
+                }
                 matrix[i * k + j] = value;
                 matrix[j * k + i] = value;
             }
@@ -395,9 +412,9 @@ fn scale(matrix: &mut [f64], right: &mut [f64], k: usize) {
         .map(|i| matrix[i * k + i].max(1e-12).sqrt())
         .collect();
     for i in 0..k {
-        right[i] /= size[i];
+        right[i] *= size[i];
         for j in 0..k {
-            matrix[i * k + j] /= size[i] * size[j];
+            matrix[i * k + j] *= size[i] * size[j];
         }
     }
 }

@@ -222,7 +222,8 @@ fn strengths(case: &Case, seed: Seed) -> Option<Vec<f64>> {
                 visibility(&simulate(case, seed, &strengths).campaign, &bare)
             };
             // A bracket first, then bisection in the logarithm, guided by proportion.
-            let (mut low, mut high): (Option<(f64, f64)>, Option<(f64, f64)>) = (None, None);
+            let mut low: Option<(f64, f64)> = None;
+            let mut high: Option<(f64, f64)> = None;
             let mut strength = 1.0_f64;
             for _ in 0..STEPS {
                 let seen = at(strength)?;

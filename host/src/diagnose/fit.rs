@@ -9,7 +9,7 @@ use shared::model::{Coefficients, NOMINAL};
 use super::catalogue::{Action, Effect, Role, Seen};
 use super::dense::Cholesky;
 use super::motion::Motion;
-use super::problem::{BLOCKS, Block, Column, Problem};
+use super::problem::{BLOCKS, Block, Change, Column, Problem};
 
 /// An effect with values of its parameters.
 #[derive(Clone, Debug)]
@@ -47,14 +47,14 @@ pub struct Fit {
 }
 
 /// The prediction's parts at given parameters.
-struct Parts {
+pub(super) struct Parts {
     /// Nominal columns; `None` if the motion is as commanded.
     nominal: Option<Vec<Column>>,
-    motions: Option<Vec<Motion>>,
+    pub(super) motions: Option<Vec<Motion>>,
     /// Columns of the parameters in proportion, and the variance that a unit of each adds.
     linear: Vec<(Column, Vec<f64>)>,
     /// What is added without a parameter in proportion.
-    offset: Option<Column>,
+    pub(super) offset: Option<Column>,
     /// Variance added without one.
     variance: Vec<f64>,
 }
@@ -130,7 +130,7 @@ struct Solution {
 }
 
 impl Problem<'_> {
-    fn parts(&self, members: &[Member]) -> Parts {
+    pub(super) fn parts(&self, members: &[Member]) -> Parts {
         let s = &self.situation;
         let mut parts = Parts {
             nominal: None,
@@ -167,41 +167,7 @@ impl Problem<'_> {
         }
         if let Some(motions) = &parts.motions {
             parts.nominal = Some(self.redesign(motions));
-            if members
-                .iter()
-                .any(|m| matches!(m.effect.action, Action::Moves(_, Seen::ByReference)))
-            {
-                let change = offset.get_or_insert_with(|| self.no_change());
-                let mut seen = s.motions.clone();
-                for Member { effect, values } in members {
-                    if let Action::Moves(move_, Seen::ByReference) = effect.action {
-                        for (run, motion) in s.runs.iter().zip(&mut seen) {
-                            move_(values, run, s, motion);
-                        }
-                    }
-                }
-                for (row, (run, motion)) in s.runs.iter().zip(&seen).enumerate() {
-                    let h = motion.second_harmonic;
-                    // The harmonic adds its own power, h^2.
-                    let rms = (1.0 + h * h).sqrt();
-                    for axis in 0..3 {
-                        let ratio = motion.amplitude_g[axis] / run.level_g * rms;
-                        change.add(
-                            Block::Reference,
-                            3 * row + axis,
-                            ratio - run.direction[axis],
-                        );
-                    }
-                    // M[(sin x - h cos 2x)^3] = 3h/4, M[..^4] = 3/8 (1 + 4 h^2 + h^4), over the rms value's powers.
-                    let (h2, power) = (h * h, 0.5 * (1.0 + h * h));
-                    change.add(Block::Shape, 2 * row, 0.75 * h / power.powf(1.5));
-                    change.add(
-                        Block::Shape,
-                        2 * row + 1,
-                        0.375 * (1.0 + 4.0 * h2 + h2 * h2) / (power * power) - 1.5,
-                    );
-                }
-            }
+            self.add_seen(members, &mut offset);
         }
         if let Some(change) = offset {
             let (column, variance) = self.whiten(change);
@@ -211,6 +177,63 @@ impl Problem<'_> {
             }
         }
         parts
+    }
+
+    /// Adds what the reference sees of a changed motion.
+    fn add_seen(&self, members: &[Member], offset: &mut Option<Change>) {
+        let s = &self.situation;
+        if !members
+            .iter()
+            .any(|m| matches!(m.effect.action, Action::Moves(_, Seen::ByReference)))
+        {
+            return;
+        }
+        let change = offset.get_or_insert_with(|| self.no_change());
+        let mut seen = s.motions.clone();
+        for Member { effect, values } in members {
+            if let Action::Moves(move_, Seen::ByReference) = effect.action {
+                for (run, motion) in s.runs.iter().zip(&mut seen) {
+                    move_(values, run, s, motion);
+                }
+            }
+        }
+        for (row, (run, motion)) in s.runs.iter().zip(&seen).enumerate() {
+            let h = motion.second_harmonic;
+            // The harmonic adds its own power, h^2.
+            let rms = (1.0 + h * h).sqrt();
+            for axis in 0..3 {
+                let ratio = motion.amplitude_g[axis] / run.level_g * rms;
+                change.add(
+                    Block::Reference,
+                    3 * row + axis,
+                    ratio - run.direction[axis],
+                );
+            }
+            // M[(sin x - h cos 2x)^3] = 3h/4, M[..^4] = 3/8 (1 + 4 h^2 + h^4), over the rms value's powers.
+            let (h2, power) = (h * h, 0.5 * (1.0 + h * h));
+            change.add(Block::Shape, 2 * row, 0.75 * h / power.powf(1.5));
+            change.add(
+                Block::Shape,
+                2 * row + 1,
+                0.375 * (1.0 + 4.0 * h2 + h2 * h2) / (power * power) - 1.5,
+            );
+        }
+    }
+
+    /// Motions of the instrument under some effects, and what the reference sees of them, whitened.
+    pub(super) fn moved_motions(&self, members: &[Member]) -> (Vec<Motion>, Option<Column>) {
+        let s = &self.situation;
+        let mut motions = s.motions.clone();
+        for Member { effect, values } in members {
+            if let Action::Moves(move_, _) = effect.action {
+                for (run, motion) in s.runs.iter().zip(&mut motions) {
+                    move_(values, run, s, motion);
+                }
+            }
+        }
+        let mut seen = None;
+        self.add_seen(members, &mut seen);
+        (motions, seen.map(|change| self.whiten(change).0))
     }
 
     /// Weighted inner product over the blocks that both columns touch.

@@ -113,14 +113,27 @@ pub struct Situation<'c> {
     pub coefficients: Coefficients<f64>,
     /// Largest magnitude of each run's vibration along IA, g.
     pub peaks_g: Vec<f64>,
-    /// Relative excess of the mean square that the reference saw over the command's: sine, random.
-    pub power_excess: [f64; 2],
+    /// Relative excess of a sine's mean square that the reference saw over the command's.
+    pub power_excess: f64,
+    /// Relative standard uncertainty of the reference's rms.
+    pub reference_rel_sigma: f64,
+    /// Scale factor by which outputs are divided, V/g.
+    pub scale_v_per_g: f64,
     /// Local gravity, g.
     pub gravity_g: f64,
     /// Reference temperature, degrees Celsius.
     pub reference_temp_c: f64,
     /// The logger's rate, Hz.
     pub logger_rate_hz: f64,
+}
+
+/// Normal equations of the coefficients from all rows that no motion touches, prior included.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Still {
+    pub(super) matrix: Vec<f64>,
+    pub(super) right: [f64; NOMINAL],
+    /// Sum of squares of the observations in these rows, and of those without a nominal prediction.
+    pub(super) square: f64,
 }
 
 /// The whitened problem.
@@ -140,6 +153,7 @@ pub struct Problem<'c> {
     pub weights: Vec<f64>,
     /// Lower triangle of the static covariance's Cholesky factor, row by row.
     static_factor: Vec<f64>,
+    pub(super) still: Still,
     /// Of each run the variance of M|a0 + w| over records of the moments that the reference saw, g^2.
     kink_variance: Vec<f64>,
     /// Squares of the reciprocal prior standard deviations of the coefficients.
@@ -166,10 +180,15 @@ impl<'c> Problem<'c> {
                 ..Coefficients::default()
             },
             peaks_g: runs.iter().map(|run| peak_g(run, scale_v_per_g)).collect(),
-            power_excess: [VibrationKind::Sine, VibrationKind::Random]
-                .map(|kind| power_excess(&runs, kind, campaign)),
+            power_excess: power_excess(&runs, campaign),
+            reference_rel_sigma: campaign
+                .config
+                .shaker
+                .as_ref()
+                .map_or(0.0, |s| s.reference_rms_rel_sigma),
             readings,
             runs,
+            scale_v_per_g,
             gravity_g: bench.local_gravity_g,
             reference_temp_c: bench.reference_temp_c,
             logger_rate_hz: campaign.config.acquisition.sample_rate_hz,
@@ -182,6 +201,7 @@ impl<'c> Problem<'c> {
         }
         let mut problem = Self {
             static_factor: static_factor(campaign, scale_v_per_g),
+            still: Still::default(),
             kink_variance: {
                 let runs = situation.runs.iter().zip(&situation.motions);
                 runs.map(|(run, motion)| match run.kind {
@@ -208,7 +228,43 @@ impl<'c> Problem<'c> {
         };
         problem.observe(campaign);
         problem.nominal = problem.design(&problem.situation.motions);
+        problem.still = problem.stand_still();
         problem
+    }
+
+    fn stand_still(&self) -> Still {
+        let mut still = Still {
+            matrix: vec![0.0; NOMINAL * NOMINAL],
+            right: [0.0; NOMINAL],
+            square: self.prior_precision[0],
+        };
+        for block in [
+            Block::Static,
+            Block::Before,
+            Block::After,
+            Block::Drift,
+            Block::Reference,
+            Block::Shape,
+        ] {
+            let rows = self.range(block);
+            let y = &self.observed.values[rows.clone()];
+            still.square += y.iter().map(|y| y * y).sum::<f64>();
+            for i in 0..NOMINAL {
+                let a = &self.nominal[i].values[rows.clone()];
+                still.right[i] += a.iter().zip(y).map(|(a, y)| a * y).sum::<f64>();
+                for j in 0..=i {
+                    let b = &self.nominal[j].values[rows.clone()];
+                    still.matrix[i * NOMINAL + j] +=
+                        a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+                }
+            }
+        }
+        for i in 0..NOMINAL {
+            still.matrix[i * NOMINAL + i] += self.prior_precision[i];
+        }
+        // K1's prior is about 1, in units of the scale factor.
+        still.right[0] += self.prior_precision[0];
+        still
     }
 
     /// Rows of a block.
@@ -336,7 +392,7 @@ impl<'c> Problem<'c> {
     }
 
     /// Of each run the derivatives of vibration error, greatest and least output by the coefficients.
-    fn moving(&self, motions: &[Motion]) -> Vec<[[f64; NOMINAL]; 3]> {
+    pub(super) fn moving(&self, motions: &[Motion]) -> Vec<[[f64; NOMINAL]; 3]> {
         let runs = self.situation.runs.iter().zip(motions);
         runs.map(|(run, motion)| {
             let at = |multiple: f64| {
@@ -344,6 +400,9 @@ impl<'c> Problem<'c> {
                 let a0 = run.specific_force_g;
                 terms(SpecificForce::new(a0.i + i, a0.p + p, a0.o + o))
             };
+            if run.kind == VibrationKind::Random {
+                return [motion.sensitivity(run), [0.0; NOMINAL], [0.0; NOMINAL]];
+            }
             let [low, high] = motion.extremes();
             let (low, high) = if motion.amplitude_g[0] < 0.0 {
                 (high, low)
@@ -387,12 +446,25 @@ impl<'c> Problem<'c> {
                 measured.drift_sigma_v_per_s / scale,
             );
             let excursion = (run.direction[0] * run.level_g).abs();
-            if let (Some(extremes), VibrationKind::Sine, true) =
-                (measured.extremes, run.kind, excursion > EXTREME_LEAST_G)
-            {
-                let uncertainty = EXTREME_REL_SIGMA * excursion;
-                put(Block::Maximum, row, extremes.maximum_v / scale, uncertainty);
-                put(Block::Minimum, row, extremes.minimum_v / scale, uncertainty);
+            if let (Some(extremes), true) = (measured.extremes, excursion > EXTREME_LEAST_G) {
+                // Nobody knows a random record's peaks beforehand: what is observed is by how much they pass a limit,
+                // nothing.
+                let (uncertainty, seen) = match run.kind {
+                    VibrationKind::Sine => (EXTREME_REL_SIGMA * excursion, 1.0),
+                    VibrationKind::Random => (4.0 * EXTREME_REL_SIGMA * excursion, 0.0),
+                };
+                put(
+                    Block::Maximum,
+                    row,
+                    seen * extremes.maximum_v / scale,
+                    uncertainty,
+                );
+                put(
+                    Block::Minimum,
+                    row,
+                    seen * extremes.minimum_v / scale,
+                    uncertainty,
+                );
             }
             let (Some(seen), Some(relative)) = (&run.reference, relative) else {
                 continue;
@@ -506,13 +578,13 @@ pub fn seen_ratios(run: &Run) -> Option<[f64; 3]> {
 }
 
 /// Mean square that the reference saw along the main axis over the command's, less 1; zero within four of its sigmas.
-fn power_excess(runs: &[&Run], kind: VibrationKind, campaign: &Campaign) -> f64 {
+fn power_excess(runs: &[&Run], campaign: &Campaign) -> f64 {
     let relative = campaign
         .config
         .shaker
         .as_ref()
         .map_or(0.0, |s| s.reference_rms_rel_sigma);
-    let of_kind = runs.iter().filter(|run| run.kind == kind);
+    let of_kind = runs.iter().filter(|run| run.kind == VibrationKind::Sine);
     let excess: Vec<f64> = of_kind
         .filter_map(|run| {
             let main = main_axis(&run.direction);

@@ -4,6 +4,7 @@ use shared::model::NOMINAL;
 
 use super::adequacy::Adequacy;
 use super::catalogue::{Action, Effect, Role};
+use super::dense::Cholesky;
 use super::fit::{Fit, Member, grid, nominal};
 use super::problem::{Block, Column, Problem};
 
@@ -25,6 +26,13 @@ const STAND_IN: f64 = 0.5;
 const MOST_EFFECTS: usize = 3;
 /// Best hypotheses that another effect is added to.
 const BASES: usize = 3;
+/// Most promising effects that are fitted, first and on top of others.
+const CLOSER_LOOK: usize = 10;
+const FURTHER: usize = 4;
+/// A small value of a parameter that begins at nothing.
+const SMALL: f64 = 2e-3;
+/// Modes that an effect of several curved parameters is fitted from.
+const MODES: usize = 3;
 
 /// A hypothesis with its standing.
 #[derive(Clone, Debug)]
@@ -54,10 +62,20 @@ pub struct Search {
     pub unexplained: bool,
 }
 
-/// A start of an effect with the columns that it needs, made once.
+/// A start of an effect with what it does, made once.
 struct Start {
     member: Member,
+    /// Of an effect that adds: its columns.
     columns: Vec<Column>,
+    /// Of one that moves the instrument: the rows of the moving runs, and what the reference sees of it.
+    rows: Vec<[[f64; NOMINAL]; 3]>,
+    seen: Option<Column>,
+}
+
+/// An effect's best starts on top of a fit.
+struct Promise {
+    /// Drop of -2 log likelihood, each with its start; largest first.
+    starts: Vec<(f64, Member)>,
 }
 
 impl Problem<'_> {
@@ -69,38 +87,30 @@ impl Problem<'_> {
             .iter()
             .flat_map(|effect| self.starts(effect))
             .collect();
-        let mut singles = self.add_to(&null, catalogue, &starts);
-        singles.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        let mut fits = self.add_to(&null, &starts, CLOSER_LOOK);
+        fits.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         let families = self.families();
         let null_adequacy = self.adequacy(&null, &families);
-        let gap_chi2 = null_adequacy
+        let excess = null_adequacy
             .observables
             .iter()
-            .map(|(chi2, freedom)| chi2 - freedom)
-            .sum::<f64>()
-            .max(0.0);
-        let moved = singles
+            .map(|(chi2, freedom)| chi2 - freedom);
+        let gap_chi2 = excess.sum::<f64>().max(0.0);
+        let moved = fits
             .first()
             .is_some_and(|best| best.log_evidence > null.log_evidence + WORTH);
         if moved {
             // The coefficients that effects look at, now that the largest bend is out of them.
-            self.situation.coefficients = nominal(&singles[0].theta);
-            for fit in singles.iter_mut().take(6) {
-                if let Some(again) = self.fit(fit.members.clone(), &fit.trust, 2) {
+            self.situation.coefficients = nominal(&fits[0].theta);
+            for fit in fits.iter_mut().take(3) {
+                if let Some(again) = self.refit(fit.members.clone(), &fit.trust) {
                     *fit = again;
                 }
             }
         }
-        let mut fits = singles;
-        let judge = |fits: &[Fit], problem: &Self| {
-            let best = fits.iter().max_by(|a, b| {
-                problem
-                    .weigh(a, catalogue.len())
-                    .total_cmp(&problem.weigh(b, catalogue.len()))
-            });
-            best.map(|best| problem.adequacy(best, &families))
-        };
-        let mut adequacy = judge(&fits, self).unwrap_or_else(|| null_adequacy.clone());
+        let mut adequacy = self
+            .judge(&fits, &families, catalogue.len())
+            .unwrap_or_else(|| null_adequacy.clone());
         for effects in 2..=MOST_EFFECTS {
             if !moved || !insufficient(&adequacy) {
                 break;
@@ -110,43 +120,29 @@ impl Problem<'_> {
                 .filter(|fit| fit.members.len() == effects - 1)
                 .collect();
             bases.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-            bases.truncate(BASES);
-            let mut larger: Vec<Fit> = Vec::new();
-            let mut offer = |found: Vec<Fit>| {
-                for fit in found {
-                    match larger.iter_mut().find(|known| same(known, &fit)) {
-                        Some(known) if known.log_evidence < fit.log_evidence => *known = fit,
-                        Some(_) => {}
-                        None => larger.push(fit),
-                    }
-                }
-            };
+            bases.truncate(if effects == 2 { BASES } else { 1 });
+            let mut found: Vec<Fit> = Vec::new();
             for base in bases {
-                offer(self.extend(base, catalogue, &starts));
+                offer(&mut found, self.add_to(base, &starts, FURTHER));
             }
-            let best = larger
-                .iter()
-                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
-                .cloned();
-            // A second look from the newest member: the first one may have stood in for two.
-            if let Some(best) = best.filter(|best| best.members.len() == 2) {
-                let newest = best.members.last().cloned().into_iter().collect();
-                if let Some(base) = self.fit(newest, &best.trust, 2) {
-                    let found = self.extend(&base, catalogue, &starts);
-                    for fit in found {
-                        match larger.iter_mut().find(|known| same(known, &fit)) {
-                            Some(known) if known.log_evidence < fit.log_evidence => *known = fit,
-                            Some(_) => {}
-                            None => larger.push(fit),
-                        }
-                    }
+            if let Some(best) = best_of(&found).cloned() {
+                // Each effect alone again from where the set put it, and what else could stand beside it: the first
+                // one may have stood in for two.
+                for member in best.members.iter().filter(|_| effects == 2) {
+                    let Some(alone) = self.refit(vec![member.clone()], &best.trust) else {
+                        continue;
+                    };
+                    offer(&mut found, self.add_to(&alone, &starts, FURTHER));
+                    offer(&mut fits, vec![alone]);
                 }
             }
             if effects > 2 {
-                larger.retain(|fit| self.likeness(&null, fit) < STAND_IN);
+                found.retain(|fit| self.likeness(&null, fit) < STAND_IN);
             }
-            fits.extend(larger);
-            adequacy = judge(&fits, self).unwrap_or(adequacy);
+            fits.extend(found);
+            adequacy = self
+                .judge(&fits, &families, catalogue.len())
+                .unwrap_or(adequacy);
         }
         fits.push(null.clone());
         Some(self.conclude(
@@ -159,6 +155,13 @@ impl Problem<'_> {
         ))
     }
 
+    /// How well the most probable of several fits does.
+    fn judge(&self, fits: &[Fit], families: &[Vec<Column>], catalogue: usize) -> Option<Adequacy> {
+        let weight = |fit: &&Fit| self.weigh(fit, catalogue);
+        let best = fits.iter().max_by(|a, b| weight(a).total_cmp(&weight(b)))?;
+        Some(self.adequacy(best, families))
+    }
+
     /// Coefficients from all that stands still.
     fn coefficients_at_rest(&self) -> Option<shared::model::Coefficients<f64>> {
         let mut trust = vec![1.0; self.run_count()];
@@ -168,28 +171,56 @@ impl Problem<'_> {
     }
 
     fn starts(&self, effect: &'static Effect) -> Vec<Start> {
-        grid(effect)
+        let members = if from_nothing(effect) {
+            let alone = |k| {
+                (0..effect.parameters.len())
+                    .map(|j| if j == k { SMALL } else { 0.0 })
+                    .collect()
+            };
+            (0..effect.parameters.len())
+                .map(|k| Member {
+                    effect,
+                    values: alone(k),
+                })
+                .collect()
+        } else {
+            grid(effect)
+        };
+        members
             .into_iter()
             .map(|member| {
-                let columns = match effect.action {
-                    Action::Adds(add) => (0..effect.linear().max(1))
-                        .map(|k| {
-                            let mut change = self.no_change();
-                            add(&member.values, k, &self.situation, &mut change);
-                            self.whiten(change).0
-                        })
-                        .collect(),
-                    _ => Vec::new(),
+                let mut start = Start {
+                    columns: Vec::new(),
+                    rows: Vec::new(),
+                    seen: None,
+                    member,
                 };
-                Start { member, columns }
+                match effect.action {
+                    Action::Adds(add) => {
+                        for k in 0..effect.linear().max(1) {
+                            let mut change = self.no_change();
+                            add(&start.member.values, k, &self.situation, &mut change);
+                            start.columns.push(self.whiten(change).0);
+                        }
+                    }
+                    Action::Moves(..) => {
+                        let (motions, seen) =
+                            self.moved_motions(std::slice::from_ref(&start.member));
+                        start.rows = self.moving(&motions);
+                        start.seen = seen;
+                    }
+                    Action::Scatters(_) => {}
+                }
+                start
             })
             .collect()
     }
 
-    /// The best start of every effect on top of a fit, by the drop of chi-square, largest first.
-    fn promising(&self, base: &Fit, starts: &[Start]) -> Vec<(f64, Member)> {
+    /// The best starts of every effect on top of a fit, the most promising effect first.
+    fn promising(&self, base: &Fit, starts: &[Start]) -> Vec<Promise> {
         let residual = self.column(base.residuals.clone());
-        let mut best: Vec<(f64, Member)> = Vec::new();
+        let commanded = self.moving(&self.situation.motions);
+        let mut promises: Vec<Promise> = Vec::new();
         for start in starts {
             let effect = start.member.effect;
             if base
@@ -200,63 +231,166 @@ impl Problem<'_> {
                 continue;
             }
             let gain = match effect.action {
-                Action::Adds(_)
-                    if start
-                        .columns
-                        .iter()
-                        .all(|c| c.values.iter().all(|&v| v == 0.0)) =>
-                {
-                    0.0
-                }
                 Action::Adds(_) if effect.linear() > 0 => {
                     let columns: Vec<&Column> = start.columns.iter().collect();
                     self.gain(base, &columns, &residual, 1e8).0
                 }
-                Action::Adds(_) | Action::Moves(..) => {
-                    let mut members = base.members.clone();
-                    members.push(start.member.clone());
-                    base.objective - log_variance(base) - self.profile(&members, &base.trust)
+                Action::Adds(_) => self.fixed_gain(base, &start.columns[0], &residual),
+                Action::Moves(..) if from_nothing(effect) => {
+                    let column = self.moved_difference(base, start, &commanded);
+                    self.gain(base, &[&column], &residual, 1e8).0
                 }
+                Action::Moves(..) if base.members.is_empty() => self.moved_gain(base, start),
+                Action::Moves(..) => self.fixed_gain(
+                    base,
+                    &self.moved_difference(base, start, &commanded),
+                    &residual,
+                ),
                 Action::Scatters(_) => self.scatter_gain(base, &start.member),
             };
-            match best
+            // One start for each value of the first parameter that is not in proportion: modes lie apart along it.
+            let mode = |member: &Member| member.values.get(effect.linear()).copied();
+            let known = promises
                 .iter_mut()
-                .find(|(_, member)| std::ptr::eq(member.effect, effect))
+                .find(|p| std::ptr::eq(p.starts[0].1.effect, effect));
+            let Some(known) = known else {
+                promises.push(Promise {
+                    starts: vec![(gain, start.member.clone())],
+                });
+                continue;
+            };
+            match known
+                .starts
+                .iter_mut()
+                .find(|(_, member)| mode(member) == mode(&start.member))
             {
-                Some(known) if gain > known.0 => *known = (gain, start.member.clone()),
+                Some(same) if gain > same.0 => *same = (gain, start.member.clone()),
                 Some(_) => {}
-                None => best.push((gain, start.member.clone())),
+                None => known.starts.push((gain, start.member.clone())),
             }
         }
-        best.sort_by(|a, b| b.0.total_cmp(&a.0));
-        best
+        for promise in &mut promises {
+            promise.starts.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let curved = promise.starts[0].1.values.len() - promise.starts[0].1.effect.linear();
+            promise.starts.truncate(if curved > 1 { MODES } else { 2 });
+        }
+        promises.sort_by(|a, b| b.starts[0].0.total_cmp(&a.starts[0].0));
+        promises
     }
 
-    /// Every effect on top of a fit.
-    fn add_to(&self, base: &Fit, catalogue: &[&'static Effect], starts: &[Start]) -> Vec<Fit> {
-        let promising = self.promising(base, starts);
-        debug_assert!(promising.len() <= catalogue.len());
-        promising
-            .into_iter()
-            .filter_map(|(_, member)| self.refined(base, member))
-            .collect()
+    /// Drop of chi-square by a column that is added as it is.
+    fn fixed_gain(&self, base: &Fit, column: &Column, residual: &Column) -> f64 {
+        let (matrix, right) = self.reduced(base, &[column], residual);
+        2.0 * right[0] - matrix[0]
     }
 
-    /// The most promising further effects on top of a fit.
-    fn extend(&self, base: &Fit, _: &[&'static Effect], starts: &[Start]) -> Vec<Fit> {
-        let promising = self.promising(base, starts).into_iter().take(4);
+    /// What a changed motion adds to the predictions of a fit.
+    fn moved_difference(
+        &self,
+        base: &Fit,
+        start: &Start,
+        commanded: &[[[f64; NOMINAL]; 3]],
+    ) -> Column {
+        let mut values = start
+            .seen
+            .as_ref()
+            .map_or_else(|| vec![0.0; self.weights.len()], |seen| seen.values.clone());
+        let blocks =
+            [Block::During, Block::Maximum, Block::Minimum].map(|block| self.range(block).start);
+        for (row, (moved, commanded)) in start.rows.iter().zip(commanded).enumerate() {
+            for (part, first) in blocks.into_iter().enumerate() {
+                let terms = moved[part].iter().zip(&commanded[part]).zip(&base.theta);
+                values[first + row] +=
+                    self.weights[first + row] * terms.map(|((a, b), x)| (a - b) * x).sum::<f64>();
+            }
+        }
+        self.column(values)
+    }
+
+    /// Drop of chi-square by a changed motion, the coefficients fitted anew.
+    fn moved_gain(&self, base: &Fit, start: &Start) -> f64 {
+        let mut matrix = self.still.matrix.clone();
+        let mut right = self.still.right;
+        let mut square = self.still.square;
+        let blocks =
+            [Block::During, Block::Maximum, Block::Minimum].map(|block| self.range(block).start);
+        for (row, (moved, run)) in start.rows.iter().zip(&self.situation.runs).enumerate() {
+            let rest = shared::model::terms(run.specific_force_g);
+            for (part, first) in blocks.into_iter().enumerate() {
+                let weight = self.weights[first + row];
+                if weight == 0.0 {
+                    continue;
+                }
+                let root = weight
+                    * if part == 0 {
+                        base.trust[row].sqrt()
+                    } else {
+                        1.0
+                    };
+                let mut x = moved[part];
+                if part == 0 {
+                    for (x, rest) in x.iter_mut().zip(rest) {
+                        *x += rest;
+                    }
+                }
+                let y = self.observed.values[first + row] / weight * root;
+                for i in 0..NOMINAL {
+                    x[i] *= root;
+                    right[i] += x[i] * y;
+                    for j in 0..=i {
+                        matrix[i * NOMINAL + j] += x[i] * x[j];
+                    }
+                }
+                square += y * y;
+            }
+        }
+        let seen = start
+            .seen
+            .iter()
+            .flat_map(|seen| [Block::Reference, Block::Shape].map(|block| (seen, block)));
+        for (seen, block) in seen {
+            let rows = self.range(block);
+            let pairs = seen.values[rows.clone()]
+                .iter()
+                .zip(&self.observed.values[rows]);
+            square += pairs.map(|(seen, y)| seen * (seen - 2.0 * y)).sum::<f64>();
+        }
+        let Some(factor) = Cholesky::new(matrix, NOMINAL) else {
+            return f64::NEG_INFINITY;
+        };
+        factor.forward(&mut right);
+        let objective = square - right.iter().map(|x| x * x).sum::<f64>();
+        base.objective - log_variance(base) - objective
+    }
+
+    /// Every promising effect on top of a fit, and its best start.
+    fn add_to(&self, base: &Fit, starts: &[Start], most: usize) -> Vec<Fit> {
+        let promising = self.promising(base, starts).into_iter().take(most);
         promising
-            .filter_map(|(_, member)| self.refined(base, member))
+            .filter_map(|promise| {
+                let largest = promise.starts[0].0;
+                // Another mode is worth a fit if the coarse grid may have missed its peak.
+                let worth = promise
+                    .starts
+                    .into_iter()
+                    .filter(|(gain, _)| *gain > 0.5 * largest);
+                let fits = worth.filter_map(|(_, member)| self.refined(base, member));
+                fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+            })
             .collect()
     }
 
     fn refined(&self, base: &Fit, member: Member) -> Option<Fit> {
         let mut members = base.members.clone();
         members.push(member);
+        self.refit(members, &base.trust)
+    }
+
+    fn refit(&self, members: Vec<Member>, trust: &[f64]) -> Option<Fit> {
         let scatters = members
             .iter()
             .position(|m| matches!(m.effect.action, Action::Scatters(_)));
-        let mut fit = self.fit(members, &base.trust, 2)?;
+        let mut fit = self.fit(members, trust, 2)?;
         if let Some(index) = scatters {
             for _ in 0..3 {
                 let mut members = fit.members.clone();
@@ -408,6 +542,36 @@ fn insufficient(adequacy: &Adequacy) -> bool {
 
 fn log_variance(fit: &Fit) -> f64 {
     fit.trust.iter().map(|trust| -trust.ln()).sum()
+}
+
+/// Whether an effect that moves the instrument begins at no motion: its parameters can then be refined from there.
+fn from_nothing(effect: &Effect) -> bool {
+    let even = |role: Role| {
+        matches!(
+            role,
+            Role::Curved {
+                logarithmic: false,
+                ..
+            }
+        )
+    };
+    matches!(effect.action, Action::Moves(..)) && effect.parameters.iter().all(|p| even(p.role))
+}
+
+fn best_of(fits: &[Fit]) -> Option<&Fit> {
+    fits.iter()
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+}
+
+/// Adds fits to a collection that keeps the best of each set of effects.
+fn offer(known: &mut Vec<Fit>, found: Vec<Fit>) {
+    for fit in found {
+        match known.iter_mut().find(|known| same(known, &fit)) {
+            Some(known) if known.log_evidence < fit.log_evidence => *known = fit,
+            Some(_) => {}
+            None => known.push(fit),
+        }
+    }
 }
 
 fn same(a: &Fit, b: &Fit) -> bool {

@@ -45,8 +45,8 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentDynamics,
         says: "the output cannot exceed a limit and is clipped",
         parameters: &[
-            logarithmic("limit_g", 1.0, 14.0, 28),
-            even("offset_g", -0.6, 0.6, 5),
+            logarithmic("limit_g", 1.0, 14.0, 24),
+            even("offset_g", -1.0, 1.0, 5),
         ],
         action: Action::Adds(saturate),
         report: None,
@@ -107,6 +107,20 @@ fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose
         } else {
             7.0 * swing
         };
+        if let (VibrationKind::Random, Some(extremes)) =
+            (run.kind, run.measured.and_then(|m| m.extremes))
+        {
+            change.add(
+                Block::Maximum,
+                row,
+                (high - extremes.maximum_v / s.scale_v_per_g).min(0.0),
+            );
+            change.add(
+                Block::Minimum,
+                row,
+                (low - extremes.minimum_v / s.scale_v_per_g).max(0.0),
+            );
+        }
         if a0[0] - reach > low + 0.2 && a0[0] + reach < high - 0.2 {
             continue;
         }

@@ -12,7 +12,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Mounting,
         says: "the fixture resonates: the instrument moves more than the table",
         parameters: &[
-            logarithmic("fn_hz", 150.0, 12_000.0, 32),
+            logarithmic("fn_hz", 150.0, 60_000.0, 40),
             logarithmic("q", 1.5, 80.0, 5),
         ],
         action: Action::Moves(resonate, Seen::ByInstrumentAlone),

@@ -3,7 +3,10 @@
 use super::{Action, Effect, Seen, Stage, even, linear};
 use crate::campaign::VibrationKind;
 use crate::diagnose::motion::{band_mean, main_axis};
-use crate::diagnose::problem::Block;
+use crate::diagnose::problem::{Block, seen_ratios};
+
+/// Second harmonic from which on a random record's power is taken as the reference saw it.
+const LEAST_HARMONIC: f64 = 1e-3;
 
 pub(super) const EFFECTS: &[Effect] = &[
     // The axis of the drive is the one of its largest component; the other two follow it in the order IA, PA, OA, IA.
@@ -37,9 +40,14 @@ pub(super) const EFFECTS: &[Effect] = &[
                 if run.kind == VibrationKind::Sine {
                     motion.second_harmonic = p[0];
                     // The power that the waveform gains by itself, 1 + h2^2, against what was seen.
-                    motion.scale(((1.0 + s.power_excess[0]) / (1.0 + p[0] * p[0])).sqrt());
-                } else {
-                    motion.scale((1.0 + s.power_excess[1]).sqrt());
+                    motion.scale(((1.0 + s.power_excess) / (1.0 + p[0] * p[0])).sqrt());
+                } else if let Some(seen) = seen_ratios(run) {
+                    // The power that a record gains depends on its own skewness: only the reference knows it.
+                    // Without a harmonic the table follows its command.
+                    let main = main_axis(&run.direction);
+                    let share = -(-(p[0] / LEAST_HARMONIC).powi(2)).exp_m1();
+                    motion.scale(1.0 + share * (seen[main] / run.direction[main] - 1.0));
+                    motion.power_variance += (2.0 * share * s.reference_rel_sigma).powi(2);
                 }
             },
             Seen::ByReference,
