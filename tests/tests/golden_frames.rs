@@ -1,0 +1,239 @@
+//! The bytes of every message of protocol version 1, as they went out once and for all. If this test fails, the code is
+//! wrong: instruments in the field and records on disk speak these bytes. A new message gets a new line; no line is ever
+//! changed while `version::MINIMUM` is at its version.
+
+use shared::wire::framing::{Frame, Packet};
+use shared::wire::message::{
+    Approach, Block, Coefficients, Command, Event, Fault, Identity, Moments, Parameter, Plateau,
+    Position, Raw, Refusal, Run, Segment, State,
+};
+use shared::wire::version::Version;
+
+const GOLDEN: &str = include_str!("golden_frames.txt");
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+const POSITION: Position = Position {
+    reading: 300,
+    series: 2,
+    dial_deg: 22.5,
+    mount_deg: 180.0,
+    approach: Approach::Ccw,
+};
+
+const RUN: Run = Run {
+    run: 7,
+    plateau: Plateau::During,
+};
+
+fn commands() -> Vec<(&'static str, Command)> {
+    let coefficients = Coefficients {
+        nominal: [
+            1.25, 1e-4, -6e-4, 4e-4, 3e-4, -5e-5, 4e-4, -6e-4, -5e-5, 3e-6, 5e-5,
+        ],
+        fifth_order_per_g4: 7e-6,
+    };
+    vec![
+        (
+            "command-hello",
+            Command::Hello {
+                version: Version(1),
+            },
+        ),
+        ("command-start-position", Command::StartPosition(POSITION)),
+        ("command-stop-position", Command::StopPosition),
+        ("command-start-run", Command::StartRun(RUN)),
+        ("command-stop-run", Command::StopRun),
+        ("command-stream-raw", Command::StreamRaw { on: true }),
+        (
+            "command-set-coefficients",
+            Command::SetCoefficients(coefficients),
+        ),
+        ("command-ask-state", Command::AskState),
+    ]
+}
+
+fn events() -> Vec<(&'static str, Event<'static>)> {
+    let identity = Identity {
+        minimum: Version(1),
+        current: Version(1),
+        firmware: [0, 1, 2],
+        serial: *b"V00001-test!",
+        sample_rate_hz: 4000.0,
+        reference_v: 1.2,
+        gains: [1, 2, 4, 128],
+        block_samples: 40,
+    };
+    let moments = Moments {
+        sum: [-5_000_000_000, 1, 0, 300],
+        second: [1.5, 2.0, 0.0, 3e10],
+        third: [-1.0, 0.0, 0.0, 1e-3],
+        fourth: [4.0, 5.0, 0.0, 1e20],
+        cross: [0.5, -0.5, 0.0, 1.0, -1.0, 2.0],
+        minimum: [-8_388_608, -1, 0, 1],
+        maximum: [8_388_607, 1, 0, 200],
+        zero: [-42, 0, 0, 0],
+        modulus: [5_000_000_042, 1, 0, 300],
+    };
+    let block = Block {
+        segment: Segment::Run(RUN),
+        first_sample: 1 << 40,
+        count: 39,
+        lost: 1,
+        moments,
+    };
+    let state = State {
+        segment: Segment::Reading(300),
+        streaming: true,
+        compensating: false,
+        clock_us: 123_456_789_012,
+        conversions: 500_000,
+        samples: 499_990,
+        lost: 10,
+        dropped_frames: 3,
+        dropped_samples: 96,
+        converter_checksum_errors: 2,
+        converter_resets: 1,
+        rejected_frames: 4,
+        last_fault: Some(Fault::Register {
+            address: 3,
+            written: 0x0f0e,
+            read: 0x0f00,
+        }),
+    };
+    const CODES: [u8; 24] = [
+        0, 0, 128, 1, 0, 128, 255, 255, 127, 0, 0, 0, 255, 255, 255, 0, 1, 2, 3, 4, 5, 6, 7, 8,
+    ];
+    let raw = Raw {
+        segment: Segment::Idle,
+        first_sample: 129,
+        codes: &CODES,
+    };
+    let mut events = vec![
+        ("event-hello", Event::Hello(identity)),
+        (
+            "event-ack",
+            Event::Ack {
+                sequence: 513,
+                sample: 70_000,
+            },
+        ),
+        ("event-block", Event::Block(block)),
+        ("event-raw", Event::Raw(raw)),
+        ("event-state", Event::State(state)),
+    ];
+    let refusals = [
+        (
+            "refused-version",
+            Refusal::Version {
+                minimum: Version(1),
+                current: Version(1),
+            },
+        ),
+        ("refused-no-hello", Refusal::NoHello),
+        ("refused-open", Refusal::Open(Segment::Reading(300))),
+        ("refused-not-open", Refusal::NotOpen),
+        ("refused-series", Refusal::Parameter(Parameter::Series)),
+        ("refused-angle", Refusal::Parameter(Parameter::Angle)),
+        (
+            "refused-coefficients",
+            Refusal::Parameter(Parameter::Coefficients),
+        ),
+        ("refused-busy", Refusal::Busy),
+    ];
+    events.extend(refusals.map(|(name, reason)| {
+        (
+            name,
+            Event::Refused {
+                sequence: 9,
+                reason,
+            },
+        )
+    }));
+    let faults = [
+        ("fault-bus", Fault::Bus),
+        ("fault-drdy-timeout", Fault::DrdyTimeout { waited_us: 1500 }),
+        (
+            "fault-checksum",
+            Fault::Checksum {
+                sent: 0x1234,
+                computed: 0xfedc,
+            },
+        ),
+        (
+            "fault-identification",
+            Fault::Identification { read: 0x2300 },
+        ),
+        (
+            "fault-register",
+            Fault::Register {
+                address: 3,
+                written: 0x0f0e,
+                read: 0x0f00,
+            },
+        ),
+        (
+            "fault-acknowledge",
+            Fault::Acknowledge {
+                expected: 0xff24,
+                read: 0xff22,
+            },
+        ),
+        ("fault-status", Fault::Status { read: 0x0500 }),
+        ("fault-overrun", Fault::Overrun { lost: 77 }),
+        ("fault-no-data", Fault::NoData),
+    ];
+    events.extend(faults.map(|(name, fault)| {
+        (
+            name,
+            Event::Fault {
+                sample: 1000,
+                fault,
+            },
+        )
+    }));
+    events
+}
+
+/// The frozen bytes of a message.
+fn golden(name: &str) -> Vec<u8> {
+    let line = GOLDEN
+        .lines()
+        .find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    let text = line.unwrap_or_else(|| panic!("no frozen bytes of {name}"));
+    (0..text.len())
+        .step_by(2)
+        .map(|k| u8::from_str_radix(&text[k..k + 2], 16).expect("hexadecimal"))
+        .collect()
+}
+
+#[test]
+fn every_message_is_sent_as_it_was_frozen() {
+    let mut frame = Frame::new();
+    for (sequence, (name, command)) in commands().into_iter().enumerate() {
+        frame.encode(&command, sequence as u16).unwrap();
+        assert_eq!(hex(frame.as_bytes()), hex(&golden(name)), "{name}");
+    }
+    for (sequence, (name, event)) in events().into_iter().enumerate() {
+        frame.encode(&event, 0x1200 + sequence as u16).unwrap();
+        assert_eq!(hex(frame.as_bytes()), hex(&golden(name)), "{name}");
+    }
+}
+
+#[test]
+fn every_frozen_frame_is_still_understood() {
+    for (name, command) in commands() {
+        let mut bytes = golden(name);
+        let end = bytes.len() - 1;
+        let packet = Packet::open(&mut bytes[..end]).unwrap();
+        assert_eq!(packet.message::<Command>().unwrap(), command, "{name}");
+    }
+    for (name, event) in events() {
+        let mut bytes = golden(name);
+        let end = bytes.len() - 1;
+        let packet = Packet::open(&mut bytes[..end]).unwrap();
+        assert_eq!(packet.message::<Event<'_>>().unwrap(), event, "{name}");
+    }
+}
