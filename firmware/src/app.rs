@@ -6,12 +6,14 @@
 //! frame are counted.
 
 use heapless::Deque;
+use shared::self_check::Outcome;
 use shared::wire::framing::{Deframer, Frame, FrameError};
 use shared::wire::message::{
     Coefficients, Command, Event, Identity, Parameter, Position, Refusal, Segment,
 };
 use shared::wire::version;
 
+use crate::check::Check;
 use crate::link::{Action, ApplicationEnd, Order, Report};
 
 /// Answers that may wait for the line; a host that floods faster than it listens misses some, and they are counted.
@@ -32,6 +34,9 @@ pub struct App<'q> {
     sequence: u16,
     rejected_frames: u32,
     dropped_replies: u32,
+    check: Option<Check<'q>>,
+    /// Number of the command that ends the open reading.
+    closing: Option<u16>,
 }
 
 impl<'q> App<'q> {
@@ -48,6 +53,16 @@ impl<'q> App<'q> {
             sequence: 0,
             rejected_frames: 0,
             dropped_replies: 0,
+            check: None,
+            closing: None,
+        }
+    }
+
+    /// The same with room for a self-check.
+    pub fn with_check(self, check: Check<'q>) -> Self {
+        Self {
+            check: Some(check),
+            ..self
         }
     }
 
@@ -89,8 +104,16 @@ impl<'q> App<'q> {
             } else if let Some(report) = self.link.report() {
                 match report {
                     Report::Raw(raw) => frame.encode(&Event::Raw(raw.message()), self.sequence),
-                    Report::Block(block) => frame.encode(&Event::Block(block), self.sequence),
+                    Report::Block(block) => {
+                        if let Some(check) = &mut self.check {
+                            check.block(&block);
+                        }
+                        frame.encode(&Event::Block(block), self.sequence)
+                    }
                     Report::Fault { sample, fault } => {
+                        if let Some(check) = &mut self.check {
+                            check.fault();
+                        }
                         frame.encode(&Event::Fault { sample, fault }, self.sequence)
                     }
                     Report::Done {
@@ -104,6 +127,13 @@ impl<'q> App<'q> {
                             state.dropped_frames =
                                 state.dropped_frames.saturating_add(self.dropped_replies);
                             self.reply(Event::State(state));
+                        }
+                        if self.closing == Some(sequence) {
+                            self.closing = None;
+                            let v_per_code = self.v_per_code();
+                            if let Some(check) = &mut self.check {
+                                check.close(v_per_code);
+                            }
                         }
                         self.reply(Event::Ack { sequence, sample });
                         continue;
@@ -139,7 +169,7 @@ impl<'q> App<'q> {
                 .map_err(|_| Refusal::Busy)
         });
         match outcome {
-            Ok(()) => self.carry_out(&command),
+            Ok(()) => self.carry_out(sequence, &command),
             Err(reason) => self.reply(Event::Refused { sequence, reason }),
         }
     }
@@ -184,17 +214,63 @@ impl<'q> App<'q> {
             }
             Command::Hello { .. } => Ok(Action::Mark),
             Command::AskState => Ok(Action::State),
+            Command::BeginCheck(_) if self.check.is_none() => Err(Refusal::NoCheck),
+            Command::BeginCheck(set_up) => {
+                self.nothing_open()?;
+                if set_up.is_possible() {
+                    Ok(Action::Mark)
+                } else {
+                    Err(Refusal::Parameter(Parameter::SetUp))
+                }
+            }
+            Command::Conclude => {
+                self.nothing_open()?;
+                match (self.closing, self.outcome()) {
+                    (Some(_), _) => Err(Refusal::Busy),
+                    (None, Some(_)) => Ok(Action::Mark),
+                    (None, None) => Err(Refusal::NoCheck),
+                }
+            }
         }
     }
 
+    fn outcome(&self) -> Option<Outcome> {
+        self.check.as_ref()?.conclude(self.coefficients.as_ref())
+    }
+
+    /// Volts of one code of each channel.
+    fn v_per_code(&self) -> [f64; 4] {
+        let gains = self.identity.gains;
+        gains.map(|gain| self.identity.reference_v / f64::from(gain) / HALF_RANGE)
+    }
+
     /// Remembers a command whose order was given.
-    fn carry_out(&mut self, command: &Command) {
+    fn carry_out(&mut self, sequence: u16, command: &Command) {
         match *command {
             Command::Hello { .. } => self.greeted = true,
-            Command::StartPosition(position) => self.open = Segment::Reading(position.reading),
+            Command::StartPosition(position) => {
+                self.open = Segment::Reading(position.reading);
+                if let Some(check) = &mut self.check {
+                    check.open(&position);
+                }
+            }
             Command::StartRun(run) => self.open = Segment::Run(run),
-            Command::StopPosition | Command::StopRun => self.open = Segment::Idle,
+            Command::StopPosition => {
+                self.open = Segment::Idle;
+                self.closing = Some(sequence);
+            }
+            Command::StopRun => self.open = Segment::Idle,
             Command::SetCoefficients(coefficients) => self.coefficients = Some(coefficients),
+            Command::BeginCheck(set_up) => {
+                if let Some(check) = &mut self.check {
+                    check.begin(set_up);
+                }
+            }
+            Command::Conclude => {
+                if let Some(outcome) = self.outcome() {
+                    self.reply(Event::Check(outcome));
+                }
+            }
             Command::StreamRaw { .. } | Command::AskState => {}
         }
     }

@@ -36,8 +36,11 @@ use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
 use firmware::adc::registers::{Config, Gain, REFERENCE_V};
 use firmware::adc::{Ads131m04, Reset};
 use firmware::app::App;
+use firmware::check::Check;
 use firmware::link::Queues;
 use firmware::sampler::{Acquisition, Sampler};
+use shared::identify::static_test::workspace_len;
+use shared::self_check::{MARKS, MOUNTS, SelfCheck, SetUp};
 use shared::wire::framing::Frame;
 use shared::wire::message::Identity;
 use shared::wire::version;
@@ -66,6 +69,9 @@ const BLOCK_SAMPLES: u16 = 400;
 /// What comes from the host while a frame is sent has to fit: 9 ms at 921 600 baud are 830 bytes.
 const INCOMING_BYTES: usize = 2048;
 
+/// Numbers that the self-check works in.
+const WORKSPACE_LEN: usize = workspace_len(MARKS, MOUNTS);
+
 /// The watchdog restarts the board when the acquisition made no step for this long.
 const WATCHDOG_US: u32 = 1_000_000;
 
@@ -74,6 +80,7 @@ type Device = ExclusiveDevice<Spi<'static, Async, spi::mode::Master>, Output<'st
 
 static ACQUISITION: InterruptExecutor = InterruptExecutor::new();
 static QUEUES: StaticCell<Queues> = StaticCell::new();
+static WORKSPACE: StaticCell<[f64; WORKSPACE_LEN]> = StaticCell::new();
 static INCOMING: StaticCell<[u8; INCOMING_BYTES]> = StaticCell::new();
 
 /// Set when a report waits for the line.
@@ -167,6 +174,10 @@ async fn main(spawner: Spawner) {
     let (sender, receiver) = uart.split();
     let receiver = receiver.into_ring_buffered(INCOMING.init([0; INCOMING_BYTES]));
     let app = App::new(identity(&config), to_acquisition);
+    let app = match SelfCheck::new(SetUp::default(), WORKSPACE.init([0.0; WORKSPACE_LEN])) {
+        Ok(check) => app.with_check(Check::new(check)),
+        Err(_) => app,
+    };
     spawner.spawn(defmt::unwrap!(converse(app, sender, receiver)));
 
     let mut watchdog = IndependentWatchdog::new(p.IWDG, WATCHDOG_US);

@@ -8,5 +8,6 @@
 
 pub mod adc;
 pub mod app;
+pub mod check;
 pub mod link;
 pub mod sampler;

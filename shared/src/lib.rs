@@ -14,6 +14,7 @@
 //! | [`identify`] | coefficients from dial readings, with rank, blind directions, covariance | (10)-(17) |
 //! | [`moments`] | streaming, mergeable moments of the converter's codes | (2) |
 //! | [`compensate`] | vibration error taken out on board | (1), (2) |
+//! | [`self_check`] | the instrument judges its own calibration | (1) |
 //! | [`slope`] | measured vibration error by integration and line fit | |
 //! | [`wire`] | messages between instrument and host, and their framing | |
 //!
@@ -31,6 +32,7 @@ pub mod model;
 pub mod moments;
 pub mod rectification;
 pub mod scalar;
+pub mod self_check;
 pub mod slope;
 pub mod tumble;
 pub mod vibration;

@@ -123,6 +123,7 @@ impl<'q> Instrument<'q> {
                 Event::Block(block) => Said::Event(Event::Block(block)),
                 Event::State(state) => Said::Event(Event::State(state)),
                 Event::Fault { sample, fault } => Said::Event(Event::Fault { sample, fault }),
+                Event::Check(outcome) => Said::Event(Event::Check(outcome)),
             });
         }
         said

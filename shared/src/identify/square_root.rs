@@ -76,6 +76,13 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> TriangularFactor<T, S> {
         })
     }
 
+    /// Forgets all rows.
+    pub fn clear(&mut self) {
+        let needed = storage_len(self.unknowns);
+        self.storage.as_mut()[..needed].fill(T::zero());
+        self.residual_squares = T::zero();
+    }
+
     /// Number of unknowns.
     pub fn unknowns(&self) -> usize {
         self.unknowns

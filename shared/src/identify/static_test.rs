@@ -175,10 +175,22 @@ impl<'a, T: Real> StaticTest<'a, T> {
             design: Design::default(),
             readings: 0,
         };
-        for tilt in 0..TILTS {
-            test.prior(mounts + tilt, T::zero(), bench.level_sigma_rad);
-        }
+        test.restart(bench, about);
         Ok(test)
+    }
+
+    /// Forgets all readings and begins anew, in the same work space.
+    pub fn restart(&mut self, bench: Bench<T>, about: Coefficients<T>) {
+        self.bench = bench;
+        self.about = about;
+        self.marks = 0;
+        self.mounts = 0;
+        self.common.clear();
+        self.design = Design::default();
+        self.readings = 0;
+        for tilt in 0..TILTS {
+            self.prior(self.mount_capacity + tilt, T::zero(), bench.level_sigma_rad);
+        }
     }
 
     /// States what an earlier pass found for a mount, before its first reading, so that the geometry is linearised

@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::version::Version;
+use crate::self_check::{Outcome, SetUp};
 
 /// Simultaneous channels of the converter: 0 the instrument, 1 to 3 the reference's I, P and O.
 pub const CHANNELS: usize = 4;
@@ -44,6 +45,10 @@ pub enum Command {
     SetCoefficients(Coefficients),
     /// Answered by [`Event::State`].
     AskState,
+    /// Begins a self-check: the readings from here on go into it.
+    BeginCheck(SetUp),
+    /// Ends the self-check and asks for its outcome, [`Event::Check`].
+    Conclude,
 }
 
 /// What the instrument says.
@@ -79,6 +84,8 @@ pub enum Event<'a> {
         /// What.
         fault: Fault,
     },
+    /// Outcome of a self-check.
+    Check(Outcome),
 }
 
 /// The sense in which the dial came to its mark.
@@ -355,6 +362,8 @@ pub enum Refusal {
     Parameter(Parameter),
     /// Too many commands wait to be carried out.
     Busy,
+    /// No self-check was begun, or its readings do not determine the coefficients.
+    NoCheck,
 }
 
 /// A command's parameter.
@@ -366,4 +375,6 @@ pub enum Parameter {
     Angle,
     /// One of [`Coefficients`] is not finite, or the scale factor is not positive.
     Coefficients,
+    /// A figure of [`SetUp`] cannot be.
+    SetUp,
 }

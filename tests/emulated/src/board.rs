@@ -61,7 +61,7 @@ pub struct Nucleo {
     /// The microcontroller.
     pub mcu: Stm32f427,
     /// The converter.
-    pub converter: Shared<Converter>,
+    pub converter: Shared<dyn Converter>,
     drdy: Level,
     captures: u64,
 }
@@ -70,7 +70,7 @@ impl Store for Nucleo {}
 
 impl Nucleo {
     /// Powered, with the converter and the host's end of the line fitted.
-    pub fn new(converter: Shared<Converter>, line: Shared<Line>) -> Result<Self, Error> {
+    pub fn new(converter: Shared<dyn Converter>, line: Shared<Line>) -> Result<Self, Error> {
         let mut mcu = Stm32f427::new()?;
         mcu.rcc.attach_crystals(HSE_HZ, 0);
         mcu.set_supply(SUPPLY_MV);

@@ -1,73 +1,136 @@
-//! A plain ADS131M04 on the emulated bus: frames, checksums, registers and DRDY; its codes count conversions.
+//! The converter on the emulated bus: what the bus asks of a model of one, and a plain one.
+
+use std::fmt::Debug;
 
 use rigless::chip::{Timeline, spi};
 use rigless::snapshot::Store;
 
 use crate::board::{Shared, lock};
 
-const FRAME: usize = 18;
+/// A converter as its pins show it. Instants are nanoseconds since power came on and never go back.
+pub trait Converter: Debug + Send {
+    /// Drives the pin SYNC/RESET; conversions begin anew when it is released.
+    fn drive_reset(&mut self, now_ns: u64, low: bool);
 
-/// The converter: what it holds, and the frame that is on the bus.
-#[derive(Debug)]
-pub struct Converter {
+    /// Converts up to this instant.
+    fn advance(&mut self, now_ns: u64);
+
+    /// When DRDY changes by itself next; later than the last [`Self::advance`].
+    fn next_event_ns(&self) -> u64;
+
+    /// The pin DRDY.
+    fn drdy_is_low(&self) -> bool;
+
+    /// The chip select falls.
+    fn select(&mut self);
+
+    /// A byte each way.
+    fn exchange(&mut self, byte: u8) -> u8;
+
+    /// The chip select rises.
+    fn deselect(&mut self);
+
+    /// Conversions since power came on.
+    fn conversions(&self) -> u64;
+}
+
+/// The four codes of a conversion, by its number.
+pub type Signal = Box<dyn FnMut(u64) -> [i32; 4] + Send>;
+
+const FRAME: usize = 18;
+const WORD: usize = 3;
+
+/// A sound ADS131M04: frames, checksums, registers and DRDY, and a signal.
+pub struct Plain {
+    signal: Signal,
+    /// Period of its clock's 2048 cycles, which is a conversion at an oversampling of 1024, ns.
+    period_1024_ns: u64,
     period_ns: u64,
     next_ns: u64,
-    now_ns: u64,
     in_reset: bool,
-    waiting: u32,
-    fallen: bool,
-    /// Conversions so far.
-    pub conversions: u64,
+    conversions: u64,
+    /// Conversions that wait to be read, at most two, the older first.
+    waiting: Vec<[i32; 4]>,
+    drdy_is_low: bool,
     registers: [u16; 16],
+    locked: bool,
+    was_reset: bool,
+    /// What the next frame begins with, unless it is the status word.
     answer: Option<u16>,
-    status: u16,
     frame: [u8; FRAME],
-    sent: Vec<u8>,
+    received: Vec<u8>,
 }
 
-impl Default for Converter {
-    fn default() -> Self {
+impl Debug for Plain {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Plain")
+            .field("conversions", &self.conversions)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Plain {
+    /// With the given clock, 8.192 MHz nominal, and signal.
+    pub fn new(clock_hz: u32, signal: impl FnMut(u64) -> [i32; 4] + Send + 'static) -> Self {
+        let period_1024_ns = 2048 * 1_000_000_000 / u64::from(clock_hz.max(1));
         Self {
-            period_ns: 250_000,
-            next_ns: 250_000,
-            now_ns: 0,
+            signal: Box::new(signal),
+            period_1024_ns,
+            period_ns: period_1024_ns,
+            next_ns: period_1024_ns,
             in_reset: false,
-            waiting: 0,
-            fallen: false,
             conversions: 0,
+            waiting: Vec::new(),
+            drdy_is_low: false,
             registers: [0; 16],
+            locked: false,
+            was_reset: true,
             answer: Some(0xFF24),
-            status: 0x0500,
             frame: [0; FRAME],
-            sent: Vec::new(),
+            received: Vec::new(),
         }
+    }
+
+    fn status(&self) -> u16 {
+        let data = if self.waiting.is_empty() { 0 } else { 0b1111 };
+        u16::from(self.locked) << 15 | u16::from(self.was_reset) << 10 | 0b01 << 8 | data
+    }
+
+    /// Carries out a command; what the next frame begins with, if not the status word.
+    fn command(&mut self, word: u16, value: u16) -> Option<u16> {
+        let address = usize::from(word >> 7 & 0xF);
+        match word {
+            0x0555 => self.locked = true,
+            0x0655 => self.locked = false,
+            _ if word >> 13 == 0b101 => {
+                let id = [0x2403, self.status()];
+                return id.get(address).or(self.registers.get(address)).copied();
+            }
+            _ if word >> 13 == 0b011 => {
+                self.registers[address] = value;
+                match address {
+                    2 => self.was_reset = value & 1 << 10 != 0,
+                    3 => self.period_ns = (self.period_1024_ns << (value >> 2 & 0b111)) / 8,
+                    _ => {}
+                }
+                return Some(0b010 << 13 | word & 0x1FFF);
+            }
+            _ => return None,
+        }
+        Some(word)
     }
 }
 
-/// CRC-16/CCITT, initial value 0xFFFF.
-fn crc(bytes: &[u8]) -> u16 {
-    let mut crc = 0xFFFFu16;
-    for &b in bytes {
-        crc ^= u16::from(b) << 8;
-        for _ in 0..8 {
-            crc = if crc & 0x8000 != 0 {
-                crc << 1 ^ 0x1021
-            } else {
-                crc << 1
-            };
-        }
-    }
-    crc
-}
-
-impl Converter {
-    /// Drives the pin SYNC/RESET; conversions begin anew when it is released.
-    pub fn drive_reset(&mut self, now_ns: u64, low: bool) {
+impl Converter for Plain {
+    fn drive_reset(&mut self, now_ns: u64, low: bool) {
         if low && !self.in_reset {
-            *self = Self {
-                conversions: self.conversions,
-                ..Self::default()
-            };
+            self.period_ns = self.period_1024_ns;
+            self.waiting.clear();
+            self.drdy_is_low = false;
+            self.registers = [0; 16];
+            self.locked = false;
+            self.was_reset = true;
+            self.answer = Some(0xFF24);
         }
         if low {
             self.next_ns = now_ns + self.period_ns;
@@ -75,101 +138,83 @@ impl Converter {
         self.in_reset = low;
     }
 
-    /// Converts up to this instant.
-    pub fn advance(&mut self, now_ns: u64) {
-        self.now_ns = now_ns;
+    fn advance(&mut self, now_ns: u64) {
         while self.next_ns <= now_ns {
             self.next_ns += self.period_ns;
+            if self.waiting.len() == 2 {
+                self.waiting.remove(0);
+            }
+            self.waiting.push((self.signal)(self.conversions));
             self.conversions += 1;
-            self.waiting = (self.waiting + 1).min(2);
-            self.fallen = true;
+            self.drdy_is_low = true;
         }
     }
 
-    /// When DRDY falls next.
-    pub fn next_event_ns(&self) -> u64 {
+    fn next_event_ns(&self) -> u64 {
         self.next_ns
     }
 
-    /// True while a conversion waits to be read.
-    pub fn drdy_is_low(&self) -> bool {
-        self.fallen
+    fn drdy_is_low(&self) -> bool {
+        self.drdy_is_low
     }
 
     fn select(&mut self) {
-        let mut words = [0u32; 5];
-        let data = if self.waiting > 0 { 0xF } else { 0 };
-        words[0] = u32::from(self.answer.unwrap_or(self.status | data)) << 8;
-        for (n, w) in words[1..].iter_mut().enumerate() {
-            *w = (self.conversions as u32).wrapping_mul(n as u32 + 1) & 0xFF_FFFF;
+        let first = self.answer.unwrap_or_else(|| self.status());
+        self.frame = [0; FRAME];
+        self.frame[..2].copy_from_slice(&first.to_be_bytes());
+        if !self.waiting.is_empty() {
+            let codes = self.waiting.remove(0);
+            let (words, _) = self.frame[WORD..].as_chunks_mut::<WORD>();
+            for (word, code) in words.iter_mut().zip(codes) {
+                let [_, a, b, c] = code.to_be_bytes();
+                *word = [a, b, c];
+            }
         }
-        for (n, w) in words.iter().enumerate() {
-            self.frame[3 * n..3 * n + 3].copy_from_slice(&w.to_be_bytes()[1..]);
-        }
-        let sum = crc(&self.frame[..15]);
-        self.frame[15..17].copy_from_slice(&sum.to_be_bytes());
-        self.frame[17] = 0;
-        self.sent.clear();
-        self.waiting = self.waiting.saturating_sub(1);
-        self.fallen = false;
+        let end = FRAME - WORD;
+        let sum = checksum(&self.frame[..end]);
+        self.frame[end..end + 2].copy_from_slice(&sum.to_be_bytes());
+        self.received.clear();
+        self.drdy_is_low = false;
     }
 
     fn exchange(&mut self, byte: u8) -> u8 {
-        let out = self.frame.get(self.sent.len()).copied().unwrap_or(0);
-        self.sent.push(byte);
-        out
+        let sent = self.frame.get(self.received.len()).copied();
+        self.received.push(byte);
+        sent.unwrap_or(0)
     }
 
     fn deselect(&mut self) {
-        if self.sent.len() < 6 {
-            return;
+        if let [high, low, _, upper, lower, ..] = self.received[..] {
+            let word = u16::from_be_bytes([high, low]);
+            self.answer = self.command(word, u16::from_be_bytes([upper, lower]));
         }
-        let word = u16::from_be_bytes([self.sent[0], self.sent[1]]);
-        let value = u16::from_be_bytes([self.sent[3], self.sent[4]]);
-        let address = usize::from(word >> 7 & 0xF);
-        let answer = match word {
-            0 => {
-                self.answer = None;
-                return;
-            }
-            0x0555 => {
-                self.status |= 0x8000;
-                word
-            }
-            0x0655 => {
-                self.status &= !0x8000;
-                word
-            }
-            _ if word >> 13 == 0b101 => {
-                if address == 0 {
-                    0x2403
-                } else {
-                    self.registers[address]
-                }
-            }
-            _ if word >> 13 == 0b011 => {
-                self.registers[address] = value;
-                if address == 2 {
-                    self.status &= !0x0400;
-                }
-                if address == 3 {
-                    self.period_ns = 250_000 * (128 << (value >> 2 & 7)) / 1024;
-                }
-                0b010 << 13 | word & 0x1FFF
-            }
-            _ => 0,
-        };
-        self.answer = Some(answer);
+    }
+
+    fn conversions(&self) -> u64 {
+        self.conversions
     }
 }
 
-/// The converter behind its chip select.
+/// CRC-16/CCITT, initial value 0xFFFF.
+fn checksum(bytes: &[u8]) -> u16 {
+    let shift = |sum: u16, _| {
+        if sum & 0x8000 != 0 {
+            sum << 1 ^ 0x1021
+        } else {
+            sum << 1
+        }
+    };
+    let byte = |sum: u16, &byte: &u8| (0..8).fold(sum ^ u16::from(byte) << 8, shift);
+    bytes.iter().fold(0xFFFF, byte)
+}
+
+/// A converter behind its chip select.
 #[derive(Debug)]
-pub struct Bus(Shared<Converter>);
+pub struct Bus(Shared<dyn Converter>);
 
 impl Bus {
     /// Of this converter.
-    pub fn new(converter: Shared<Converter>) -> Self {
+    pub fn new(converter: Shared<dyn Converter>) -> Self {
         Self(converter)
     }
 }
@@ -180,9 +225,11 @@ impl spi::Peer for Bus {
     fn transfer(&mut self, mosi: u32, _: u8, _: &mut Timeline<'_, '_>) -> u32 {
         u32::from(lock(&self.0).exchange(mosi as u8))
     }
+
     fn select(&mut self, _: &mut Timeline<'_, '_>) {
         lock(&self.0).select();
     }
+
     fn deselect(&mut self, _: &mut Timeline<'_, '_>) {
         lock(&self.0).deselect();
     }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use shared::self_check::Outcome;
 use shared::wire::framing::Frame;
 use shared::wire::message::{Block, CHANNELS, Fault, Identity, Refusal, State};
 use shared::wire::{Command, Deframer, Event, FrameError, version};
@@ -26,6 +27,8 @@ pub enum Heard {
     State(State),
     /// Trouble before a sample.
     Fault(u64, Fault),
+    /// Outcome of a self-check.
+    Check(Outcome),
     /// Bytes that are no frame.
     Broken(FrameError),
 }
@@ -40,6 +43,7 @@ impl From<Event<'_>> for Heard {
             Event::Raw(raw) => Self::Raw(raw.first_sample, raw.samples().collect()),
             Event::State(state) => Self::State(state),
             Event::Fault { sample, fault } => Self::Fault(sample, fault),
+            Event::Check(outcome) => Self::Check(outcome),
         }
     }
 }
@@ -58,7 +62,7 @@ const PATIENCE: Duration = Duration::from_millis(200);
 
 impl Conversation {
     /// Powers the board, and greets it once its converter is set up.
-    pub fn start(converter: Converter) -> Result<Self, Error> {
+    pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
         let mut host = Self {
             board: Emulator::start(converter)?,
             deframer: Deframer::new(),

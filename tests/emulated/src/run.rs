@@ -49,7 +49,7 @@ enum Request {
 /// The emulated board, standing still between two calls.
 #[derive(Debug)]
 pub struct Emulator {
-    converter: Shared<Converter>,
+    converter: Shared<dyn Converter>,
     line: Shared<Line>,
     requests: Option<Sender<Request>>,
     stops: Receiver<Stop>,
@@ -59,12 +59,12 @@ pub struct Emulator {
 
 impl Emulator {
     /// Powers the board with the image on its flash and the given converter on its bus.
-    pub fn start(converter: Converter) -> Result<Self, Error> {
-        Self::with_images(converter, &[Image::read(image::path()?, None)?])
+    pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
+        let image = Image::read(image::path()?, None)?;
+        Self::with_images(Arc::new(Mutex::new(converter)), &[image])
     }
 
-    fn with_images(converter: Converter, images: &[Image]) -> Result<Self, Error> {
-        let converter = Arc::new(Mutex::new(converter));
+    fn with_images(converter: Shared<dyn Converter>, images: &[Image]) -> Result<Self, Error> {
         let line = Arc::new(Mutex::new(Line::default()));
         let board = Nucleo::new(converter.clone(), line.clone())?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(1))?;
@@ -123,7 +123,7 @@ impl Emulator {
     }
 
     /// The converter, for looking and for faults.
-    pub fn converter(&self) -> MutexGuard<'_, Converter> {
+    pub fn converter(&self) -> MutexGuard<'_, dyn Converter + 'static> {
         lock(&self.converter)
     }
 
