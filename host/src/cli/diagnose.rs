@@ -6,6 +6,8 @@ use super::{Command, Console};
 use crate::campaign::Campaign;
 use crate::diagnose::{diagnose, text};
 use crate::error::Error;
+use crate::output::write_file;
+use crate::report::diagnosis_page;
 
 /// Find where the gap between prediction and shaker lies, which effect causes it and how far it shrinks
 #[derive(clap::Args)]
@@ -16,12 +18,18 @@ pub struct Diagnose {
     /// Take an effect out of the catalogue (repeatable)
     #[arg(long, value_name = "ID")]
     without: Vec<String>,
+    /// Write a page with pictures
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
 }
 
 impl Command for Diagnose {
     fn run(self, console: &Console) -> Result<(), Error> {
         let campaign = Campaign::read(&self.campaign)?;
         let study = diagnose(&campaign, &self.without)?;
+        if let Some(file) = &self.html {
+            write_file(file, diagnosis_page(&study)?.as_bytes())?;
+        }
         console.print(text(&study.diagnosis))?;
         console.json(&study.diagnosis)
     }

@@ -68,7 +68,7 @@ impl Problem<'_> {
         }
         Adequacy {
             observables,
-            p_value: (least * tests).min(1.0),
+            p_value: (least * f64::max(tests, 1.0)).min(1.0),
             excess,
             log_something_else: self.something_else(fit, &all, &residual),
         }
@@ -409,7 +409,10 @@ impl Problem<'_> {
 /// Scales columns to unit information.
 fn scale(matrix: &mut [f64], right: &mut [f64], k: usize) {
     let size: Vec<f64> = (0..k)
-        .map(|i| matrix[i * k + i].max(1e-12).sqrt())
+        .map(|i| match matrix[i * k + i] {
+            information if information > 0.0 => information.sqrt().recip(),
+            _ => 0.0,
+        })
         .collect();
     for i in 0..k {
         right[i] *= size[i];

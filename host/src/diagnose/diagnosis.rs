@@ -215,6 +215,16 @@ pub struct Study<'c> {
     pub search: Search,
 }
 
+impl Study<'_> {
+    /// The hypothesis that the answer shows first.
+    pub fn shown(&self) -> &Hypothesis {
+        let hypotheses = &self.search.hypotheses;
+        let nothing = (self.diagnosis.verdict == Verdict::NoGap)
+            .then(|| hypotheses.iter().find(|h| h.fit.members.is_empty()));
+        nothing.flatten().unwrap_or(&hypotheses[0])
+    }
+}
+
 /// Diagnoses a campaign with the effects of the catalogue but those `without`.
 ///
 /// # Errors
@@ -514,19 +524,36 @@ impl Problem<'_> {
         distinct.len() < 4
     }
 
-    /// Mean and standard deviation of a parameter that goes by steps, the others held.
+    /// Mean and standard deviation of a parameter that goes by steps; the effect's first curved parameter, which can
+    /// make up for it, takes its best value at each step.
     fn stepped(&self, fit: &Fit, m: usize, k: usize) -> (f64, f64) {
-        let Role::Stepped { from, to, .. } = fit.members[m].effect.parameters[k].role else {
-            return (fit.members[m].values[k], 0.0);
+        let member = &fit.members[m];
+        let Role::Stepped { from, to, .. } = member.effect.parameters[k].role else {
+            return (member.values[k], 0.0);
         };
-        const FINE: usize = 160;
+        const FINE: usize = 80;
         let step = (to - from) / FINE as f64;
+        let other = member.effect.linear();
+        let others: Vec<f64> = match member.effect.parameters[other].role {
+            Role::Curved { .. } => {
+                let mut around = super::fit::starts(member.effect.parameters[other].role);
+                around.push(member.values[other]);
+                around
+            }
+            _ => vec![member.values[other]],
+        };
         let scores: Vec<(f64, f64)> = (0..FINE)
             .map(|n| {
                 let value = from + (n as f64 + 0.5) * step;
                 let mut members = fit.members.clone();
                 members[m].values[k] = value;
-                (value, self.profile(&members, &fit.trust))
+                let objectives = others.iter().map(|&setting| {
+                    if other != k {
+                        members[m].values[other] = setting;
+                    }
+                    self.profile(&members, &fit.trust)
+                });
+                (value, objectives.fold(f64::INFINITY, f64::min))
             })
             .collect();
         moments(&scores, step)

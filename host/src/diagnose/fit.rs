@@ -364,7 +364,7 @@ impl Problem<'_> {
                 8
             };
             for _ in 0..steps {
-                derivatives = self.derivatives(&members, &parts, &solution.x, &curved);
+                derivatives = self.derivatives(&members, &solution.x, &curved);
                 let Some(direction) =
                     self.direction(&members, &parts, &derivatives, &curved, &trust)
                 else {
@@ -400,7 +400,7 @@ impl Problem<'_> {
             solution = self.solve_parts(&members, &parts, &trust)?;
         }
         if !curved.is_empty() {
-            derivatives = self.derivatives(&members, &parts, &solution.x, &curved);
+            derivatives = self.derivatives(&members, &solution.x, &curved);
         }
         self.finish(
             members,
@@ -441,51 +441,33 @@ impl Problem<'_> {
     }
 
     /// Columns of the derivatives by the curved parameters on their internal scale.
-    fn derivatives(
-        &self,
-        members: &[Member],
-        parts: &Parts,
-        x: &[f64],
-        curved: &[(usize, usize)],
-    ) -> Vec<Column> {
-        let mut touched = vec![0u16; curved.len()];
+    fn derivatives(&self, members: &[Member], x: &[f64], curved: &[(usize, usize)]) -> Vec<Column> {
         let columns: Vec<Vec<f64>> = curved
             .iter()
-            .enumerate()
-            .map(|(index, &(m, k))| {
+            .map(|&(m, k)| {
                 let role = members[m].effect.parameters[k].role;
                 let (from, to) = range(role).unwrap_or((0.0, 1.0));
                 let t = inner(role, members[m].values[k]);
-                // Inwards at the upper end.
-                let h = 1e-4 * (to - from) * if t > 0.5 * (from + to) { -1.0 } else { 1.0 };
-                let alone = matches!(members[m].effect.action, Action::Adds(_));
-                let mut moved = members.to_vec();
-                moved[m].values[k] = outer(role, t + h);
-                let difference = |now: &[f64], then: &[f64]| {
-                    now.iter()
-                        .zip(then)
-                        .map(|(now, then)| (then - now) / h)
-                        .collect::<Vec<_>>()
-                };
-                touched[index] = u16::MAX;
-                if alone {
-                    let before: usize = NOMINAL
-                        + members[..m]
-                            .iter()
-                            .map(|m| m.effect.linear())
-                            .sum::<usize>();
-                    let own = before..before + members[m].effect.linear();
+                // On both sides: clipping has kinks, where one side would tell half of it.
+                let h = 1e-4 * (to - from);
+                let mut moved = [members.to_vec(), members.to_vec()];
+                moved[0][m].values[k] = outer(role, t - h);
+                moved[1][m].values[k] = outer(role, t + h);
+                let [then, now] = if matches!(members[m].effect.action, Action::Adds(_)) {
+                    let linear = |members: &[Member]| {
+                        members.iter().map(|m| m.effect.linear()).sum::<usize>()
+                    };
+                    let first = NOMINAL + linear(&members[..m]);
                     let mut weights = vec![0.0; NOMINAL];
-                    weights.extend_from_slice(&x[own]);
-                    let now = self.predicted(&self.parts(&members[m..=m]), &weights);
-                    let then = self.predicted(&self.parts(&moved[m..=m]), &weights);
-                    difference(&now, &then)
+                    weights.extend_from_slice(&x[first..first + linear(&members[m..=m])]);
+                    moved.map(|moved| self.predicted(&self.parts(&moved[m..=m]), &weights))
                 } else {
-                    difference(
-                        &self.predicted(parts, x),
-                        &self.predicted(&self.parts(&moved), x),
-                    )
-                }
+                    moved.map(|moved| self.predicted(&self.parts(&moved), x))
+                };
+                now.iter()
+                    .zip(&then)
+                    .map(|(now, then)| (now - then) / (2.0 * h))
+                    .collect()
             })
             .collect();
         columns
@@ -506,7 +488,7 @@ impl Problem<'_> {
         for member in members {
             x.extend_from_slice(&member.values[..member.effect.linear()]);
         }
-        let derivatives = self.derivatives(members, &parts, &x, &curved);
+        let derivatives = self.derivatives(members, &x, &curved);
         let prediction = self.fitted(&parts, &x);
         let added = added_variance(&parts, &x);
         let linear = parts.linear.into_iter().map(|(column, _)| column);

@@ -25,4 +25,4 @@ mod text;
 
 pub use diagnosis::{Diagnosis, Study, Verdict, diagnose};
 pub use forecast::predict_with_effects;
-pub use text::text;
+pub use text::{headline, text};

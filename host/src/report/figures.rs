@@ -16,7 +16,7 @@ pub(super) struct Figure {
     pub caption: String,
 }
 
-const WIDTH: u32 = 720;
+pub(super) const WIDTH: u32 = 720;
 
 const SERIES: [(Series, &str, RGBColor, Marker); 3] = [
     (

@@ -2,6 +2,7 @@
 //!
 //! [`Report`] holds all that was computed, once; [`text`] and the page only show it.
 
+mod diagnosis;
 mod figures;
 mod outlook;
 mod page;
@@ -21,6 +22,7 @@ use crate::identification::{Identification, Method, fit, identify};
 use crate::output::{write_file, write_json};
 use crate::prediction::{Prediction, predict};
 
+pub use diagnosis::page as diagnosis_page;
 pub use outlook::{Direction, Outlook, PlanSigma};
 pub use remarks::{Remark, Severity};
 

@@ -10,7 +10,7 @@ use crate::error::Error;
 use crate::identification::MEANINGS;
 use crate::quantity::Quantity;
 
-const STYLE: &str = "
+pub(super) const STYLE: &str = "
 :root { color-scheme: light; }
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 50rem; padding: 1.5rem 1.2rem 3rem; background: #fff; color: #222;
@@ -92,7 +92,7 @@ pub(super) fn page(report: &Report<'_>) -> Result<String, Error> {
     Ok(page.into_string())
 }
 
-fn figure(figure: &Figure) -> Result<Markup, Error> {
+pub(super) fn figure(figure: &Figure) -> Result<Markup, Error> {
     let mut legend: Vec<(&str, String)> = Vec::new();
     for layer in figure.plots.iter().flat_map(|plot| &plot.layers) {
         match &layer.label {

@@ -15,8 +15,8 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Shaker,
         says: "the table moves across its drive as well",
         parameters: &[
-            even("ratio_next", -0.4, 0.4, 5),
-            even("ratio_previous", -0.4, 0.4, 5),
+            even("ratio_next", -1.0, 1.0, 5),
+            even("ratio_previous", -1.0, 1.0, 5),
         ],
         action: Action::Moves(
             |p, run, _, motion| {
@@ -34,7 +34,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "shaker-distortion",
         stage: Stage::Shaker,
         says: "the drive is distorted: not a pure sine, not symmetric noise",
-        parameters: &[even("h2", -0.2, 0.2, 5)],
+        parameters: &[even("h2", -0.3, 0.3, 5)],
         action: Action::Moves(
             |p, run, s, motion| {
                 if run.kind == VibrationKind::Sine {
@@ -75,7 +75,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         id: "reference-scale",
         stage: Stage::Shaker,
         says: "the vibration is larger or smaller than command and reference say",
-        parameters: &[even("eps", -0.15, 0.15, 3)],
+        parameters: &[even("eps", -0.3, 0.3, 3)],
         action: Action::Moves(
             |p, _, _, motion| motion.scale(1.0 + p[0]),
             Seen::ByInstrumentAlone,
