@@ -476,6 +476,27 @@ impl Problem<'_> {
             .collect()
     }
 
+    /// The whitened prediction of effects at given parameters and (linear) coefficients, and the variance (g^2) that they
+    /// add to each run's `during`.
+    pub fn prediction(&self, members: &[Member], theta: &[f64; NOMINAL]) -> (Vec<f64>, Vec<f64>) {
+        let parts = self.parts(members);
+        let mut x = theta.to_vec();
+        for member in members {
+            x.extend_from_slice(&member.values[..member.effect.linear()]);
+        }
+        let mut variance = added_variance(&parts, &x);
+        if let Some(motions) = &parts.motions {
+            let coefficients = nominal(&x);
+            for (variance, (run, motion)) in variance
+                .iter_mut()
+                .zip(self.situation.runs.iter().zip(motions))
+            {
+                *variance += self.spectral_variance(run, motion, &coefficients);
+            }
+        }
+        (self.fitted(&parts, &x), variance)
+    }
+
     /// At given members and coefficients: what each unknown does, the whole prediction, the variance of `during`.
     pub(super) fn tangent(
         &self,

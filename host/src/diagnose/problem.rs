@@ -504,6 +504,19 @@ impl<'c> Problem<'c> {
         self.observed = column;
     }
 
+    /// Variance of a run's vibration error from a spectrum that nobody measured, g^2.
+    pub(super) fn spectral_variance(
+        &self,
+        run: &Run,
+        motion: &Motion,
+        coefficients: &Coefficients<f64>,
+    ) -> f64 {
+        match motion.power_variance {
+            0.0 => 0.0,
+            variance => variance * power_slope(run, motion, coefficients).powi(2),
+        }
+    }
+
     /// Variance of each run's `during` beside its noise, in units of the noise's: what of a random record nobody saw.
     pub fn unseen_variance(
         &self,
@@ -520,10 +533,7 @@ impl<'c> Problem<'c> {
             .zip(added)
             .enumerate();
         runs.map(|(row, ((run, motion), added))| {
-            let spectral = match motion.power_variance {
-                0.0 => 0.0,
-                variance => variance * power_slope(run, motion, coefficients).powi(2),
-            };
+            let spectral = self.spectral_variance(run, motion, coefficients);
             let unseen = if run.reference.is_some() {
                 coefficients.asymmetry.powi(2) * self.kink_variance[row]
             } else {

@@ -1,0 +1,173 @@
+//! The diagnosis against the virtual bench, whose effects act on waveforms and know no averaged formula.
+
+use host::bench::effects;
+use host::bench::noise::Seed;
+use host::bench::plan::Static;
+use host::bench::simulate::{Simulation, Specification, VirtualBench};
+use host::diagnose::blind::blind_check;
+use host::diagnose::catalogue::{self, Action};
+use host::diagnose::fit::Member;
+use host::diagnose::problem::{Block, Problem};
+use host::diagnose::{Verdict, diagnose, predict_with_effects};
+
+fn simulate(seed: u64, effect: Option<(&str, f64)>) -> Simulation {
+    let seed = Seed(seed);
+    let drawn = effect.map(|(id, strength)| {
+        let mut stream = seed.stream("effect", 0);
+        (effects::find(id).unwrap().draw)(strength, &mut stream)
+    });
+    let drawn = drawn.into_iter().collect();
+    VirtualBench::new(
+        seed,
+        Static::Default,
+        Specification::with_dial_sigma(1.0),
+        drawn,
+    )
+    .simulate()
+}
+
+/// The parameters of the catalogue's forward model that belong to the bench's effect.
+fn member(id: &str, simulation: &Simulation) -> Member {
+    let effect = catalogue::find(id).unwrap();
+    let truth = &simulation.truth.effects[0].parameters;
+    let value = |name: &str| truth[name].as_f64().unwrap();
+    let of = |name: &str| match name {
+        "_in_phase_g" => value("amplitude_g") * value("phase_rad").cos(),
+        "_quadrature_g" => value("amplitude_g") * value("phase_rad").sin(),
+        "_cycles" => value("cycles"),
+        "_memory" => (-1.0 / value("capacity")).exp(),
+        "_within" => 1.0,
+        "_plateau_s" => 8.0,
+        name => value(name),
+    };
+    Member {
+        effect,
+        values: effect.parameters.iter().map(|p| of(p.name)).collect(),
+    }
+}
+
+#[test]
+fn every_forward_model_is_what_the_effect_does_in_the_time_domain() {
+    for effect in catalogue::catalogue().filter(|e| !matches!(e.action, Action::Scatters(_))) {
+        // The effect's own difference: both campaigns have the same noise.
+        let (bare, with) = (simulate(11, None), simulate(11, Some((effect.id, 1.0))));
+        let mut problem = Problem::new(&bare.campaign, &[]);
+        let mut changed = Problem::with_scale(&with.campaign, &[], problem.scale_v_per_g);
+        let mut theta = bare.truth.coefficients;
+        theta[0] /= problem.scale_v_per_g;
+        for k in 1..theta.len() {
+            theta[k] *= theta[0];
+        }
+        let coefficients = host::diagnose::fit::nominal(&theta);
+        problem.situation.coefficients = coefficients;
+        changed.situation.coefficients = coefficients;
+        // What the reference saw and how far the output went belongs to the campaign with the effect.
+        let says = changed.prediction(&[member(effect.id, &with)], &theta);
+        let nothing = problem.prediction(&[], &theta);
+        let (mut square, mut error, mut scatter, mut random) = (0.0, 0.0, 0.0, 0.0);
+        for block in [
+            Block::Static,
+            Block::Before,
+            Block::During,
+            Block::After,
+            Block::Drift,
+        ] {
+            for (n, row) in problem.range(block).enumerate() {
+                let truth = changed.observed.values[row] - problem.observed.values[row];
+                let miss = truth - (says.0[row] - nothing.0[row]);
+                let is_random = block == Block::During
+                    && problem.situation.runs[n].band_hz[0] < problem.situation.runs[n].band_hz[1];
+                if is_random {
+                    // A record of 8 s has moments and a spectrum of its own: within its stated variance.
+                    let variance = says.1[n] * problem.weights[row].powi(2);
+                    scatter += miss * miss / (1.0 + variance + 1e-3 * truth * truth);
+                    random += 1.0;
+                } else {
+                    square += truth * truth;
+                    error += miss * miss;
+                }
+            }
+        }
+        let relative = (error / square.max(1.0)).sqrt();
+        assert!(relative < 0.02, "{}: {relative}", effect.id);
+        let rms = (scatter / random).sqrt();
+        assert!(rms < 2.5, "{}: random runs {rms}", effect.id);
+    }
+}
+
+#[test]
+fn a_campaign_without_effects_has_no_gap() {
+    let seeds = 12;
+    let quiet = (0..seeds).filter(|&seed| {
+        let simulation = simulate(1000 + seed, None);
+        diagnose(&simulation.campaign, &[])
+            .unwrap()
+            .diagnosis
+            .verdict
+            == Verdict::NoGap
+    });
+    assert_eq!(quiet.count() as u64, seeds);
+}
+
+#[test]
+fn an_effect_is_named_and_closes_the_gap_on_runs_that_were_held_out() {
+    for (id, strength) in [
+        ("vibropendulous", 0.3),
+        ("sextic", 0.1),
+        ("self-heating", 0.3),
+        ("drift", 0.2),
+    ] {
+        let simulation = simulate(77, Some((id, strength)));
+        let diagnosis = diagnose(&simulation.campaign, &[]).unwrap().diagnosis;
+        assert_eq!(diagnosis.verdict, Verdict::Explained, "{id}");
+        assert_eq!(diagnosis.which[0].effects, [id]);
+        let text = serde_json::to_string(&diagnosis).unwrap();
+        assert_eq!(
+            serde_json::from_str::<host::diagnose::Diagnosis>(&text)
+                .unwrap()
+                .which,
+            diagnosis.which
+        );
+        let predicted =
+            predict_with_effects(&simulation.campaign, &diagnosis, &simulation.holdout).unwrap();
+        for (quantity, truth) in predicted.iter().zip(&simulation.truth.holdout_vre_g) {
+            let (value, sigma) = quantity.known().unwrap();
+            assert!(
+                (value - truth).abs() < 6.0 * sigma + 1e-7,
+                "{id}: {value} {sigma} {truth}"
+            );
+        }
+    }
+}
+
+#[test]
+fn an_effect_taken_out_of_the_catalogue_is_unexplained() {
+    let simulation = simulate(5, Some(("vibropendulous", 0.5)));
+    let without = ["vibropendulous".to_owned()];
+    let diagnosis = diagnose(&simulation.campaign, &without).unwrap().diagnosis;
+    assert_eq!(diagnosis.verdict, Verdict::Unexplained);
+    assert!(diagnose(&simulation.campaign, &["nonsense".to_owned()]).is_err());
+}
+
+#[test]
+fn static_readings_alone_are_diagnosed_as_far_as_they_go() {
+    let mut campaign = simulate(3, Some(("hysteresis", 3.0))).campaign;
+    campaign.runs.clear();
+    let diagnosis = diagnose(&campaign, &[]).unwrap().diagnosis;
+    assert_eq!(diagnosis.which[0].effects, ["hysteresis"]);
+    assert!(diagnosis.shrink.is_none());
+    assert_eq!(diagnosis.not_looked_at.len(), 1);
+}
+
+#[test]
+fn blind_check_gives_the_same_figures_whatever_the_number_of_threads() {
+    let board = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let board = pool.install(|| blind_check(4, 9, &[], || {})).unwrap();
+        serde_json::to_string(&board).unwrap()
+    };
+    assert_eq!(board(1), board(3));
+}
