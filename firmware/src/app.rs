@@ -264,6 +264,7 @@ impl<'q> App<'q> {
             Command::BeginCheck(set_up) => {
                 if let Some(check) = &mut self.check {
                     check.begin(set_up);
+                    self.reply(Event::CheckBegun(set_up));
                 }
             }
             Command::Conclude => {

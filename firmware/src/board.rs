@@ -63,8 +63,8 @@ const BAUD: u32 = 921_600;
 /// Clock of the converter's bus; the divider gives 10.5 MHz.
 const SPI_CLOCK: Hertz = Hertz(10_500_000);
 
-/// Conversions in a block: ten blocks a second at 4 kSPS.
-const BLOCK_SAMPLES: u16 = 400;
+/// Conversions in a block: a hundred blocks a second at 4 kSPS.
+const BLOCK_SAMPLES: u16 = 40;
 
 /// What comes from the host while a frame is sent has to fit: 9 ms at 921 600 baud are 830 bytes.
 const INCOMING_BYTES: usize = 2048;

@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 
 use firmware::adc::registers::Config;
 use shared::model::SpecificForce;
+use shared::self_check::SetUp;
 use shared::wire::message::{self, Command, Plateau};
 use shared::wire::version;
 
-use crate::bench::board::VirtualBoard;
+use crate::bench::board::{Board, VirtualBoard};
 use crate::bench::chain::Motion;
-use crate::bench::converter::{Converter, OVERSAMPLING};
+use crate::bench::converter::{Converter, OVERSAMPLING, Quiet, Signal};
 use crate::bench::dial;
 use crate::bench::excitation::{Excitation, FrontEnd};
 use crate::bench::plan::{CHANGEOVER_S, Dwell, READING_INTERVAL_S, RUN_INTERVAL_S, Shake};
@@ -21,6 +22,7 @@ use crate::campaign::{
     Approach, Campaign, CampaignConfig, Measured, Reading, ReferenceMoments, Run, VibrationKind,
 };
 use crate::error::Error;
+use crate::identification;
 use crate::record::{self, RecordError, Tally, Writer};
 use crate::reduction::{Reduction, ReductionError, SegmentSums};
 use crate::source::FileSource;
@@ -67,6 +69,30 @@ pub fn steps(bench: &VirtualBench) -> u64 {
 pub fn capture_virtual(
     bench: &VirtualBench,
     folder: &Path,
+    step: impl FnMut(),
+) -> Result<Captured, Error> {
+    let serial = serial(bench);
+    let board = VirtualBoard::new(Converter::new(Config::default()), BLOCK, serial);
+    capture(bench, &mut { board }, folder, step)
+}
+
+fn serial(bench: &VirtualBench) -> [u8; 12] {
+    let mut serial = [0; 12];
+    for (to, from) in serial.iter_mut().zip(bench.serial().bytes()) {
+        *to = from;
+    }
+    serial
+}
+
+/// As [`capture_virtual`], with any board that makes blocks of 40 samples at 4 kSPS. A board that can do a self-check
+/// does one over the readings, and its outcome is in the record.
+///
+/// # Errors
+/// As [`capture_virtual`], and when the board does not run.
+pub fn capture(
+    bench: &VirtualBench,
+    board: &mut dyn Board,
+    folder: &Path,
     mut step: impl FnMut(),
 ) -> Result<Captured, Error> {
     fs::create_dir_all(folder).map_err(Error::write(folder))?;
@@ -74,11 +100,14 @@ pub fn capture_virtual(
     if file.exists() {
         fs::remove_file(&file).map_err(Error::write(&file))?;
     }
-    let mut session = Session::open(bench, &file)?;
+    let mut session = Session::open(bench, board, &file)?;
+    session.send(&Command::BeginCheck(session.set_up()))?;
     for order in 0..bench.plan.dwells.len() {
         session.dwell(order)?;
         step();
     }
+    session.send(&Command::Conclude)?;
+    session.acquire(SETTLING_BLOCKS, &mut Quiet)?;
     for number in 0..bench.plan.runs.len() {
         session.run(number)?;
         step();
@@ -124,7 +153,7 @@ struct Conditions {
 /// A conversation with the board while the bench does what the plan says.
 struct Session<'b> {
     bench: &'b VirtualBench,
-    board: VirtualBoard,
+    board: &'b mut dyn Board,
     writer: Writer,
     shaker: Shaker,
     rate_hz: f64,
@@ -132,15 +161,11 @@ struct Session<'b> {
 }
 
 impl<'b> Session<'b> {
-    fn open(bench: &'b VirtualBench, file: &Path) -> Result<Self, Error> {
+    fn open(bench: &'b VirtualBench, board: &'b mut dyn Board, file: &Path) -> Result<Self, Error> {
         let config = Config::default();
         let sample_rate_hz = config.sample_rate_hz();
-        let mut serial = [0; 12];
-        for (to, from) in serial.iter_mut().zip(bench.serial().bytes()) {
-            *to = from;
-        }
         let mut session = Self {
-            board: VirtualBoard::new(Converter::new(config), BLOCK, serial),
+            board,
             bench,
             writer: Writer::append(file)?,
             shaker: Shaker::default(),
@@ -159,22 +184,31 @@ impl<'b> Session<'b> {
     }
 
     fn send(&mut self, command: &Command) -> Result<(), Error> {
-        self.board
-            .send(command)
-            .map(|_| ())
-            .map_err(|error| Error::Usage(format!("a command cannot be framed: {error:?}")))
+        self.board.send(command).map_err(Error::Usage)
+    }
+
+    /// What a self-check has to know, in terms of the volts at the converter.
+    fn set_up(&self) -> SetUp {
+        let config = self.bench.config();
+        SetUp {
+            bench: identification::bench(&config.bench),
+            nominal_v_per_g: config.instrument.scale_factor_nominal_v_per_g / FRONT_END.divider,
+            // The bench's reference is for vibration.
+            reference_v_per_g: None,
+        }
     }
 
     /// Lets the board acquire some blocks and records what it sends.
-    fn acquire(&mut self, blocks: u64, signal: &mut Excitation) -> Result<(), Error> {
+    fn acquire(&mut self, blocks: u64, signal: &mut dyn Signal) -> Result<(), Error> {
         let (writer, mut outcome) = (&mut self.writer, Ok(()));
-        self.board
-            .run(blocks * u64::from(BLOCK), signal, &mut |bytes| {
-                if outcome.is_ok() {
-                    outcome = writer.write(bytes);
-                }
-            });
-        outcome
+        let mut sink = |bytes: &[u8]| {
+            if outcome.is_ok() {
+                outcome = writer.write(bytes);
+            }
+        };
+        let samples = blocks * u64::from(BLOCK);
+        let ran = self.board.run(samples, signal, &mut sink);
+        ran.map_err(Error::Usage).and(outcome)
     }
 
     /// A segment: settle, begin, acquire, end.

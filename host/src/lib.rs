@@ -19,3 +19,4 @@ pub mod reduction;
 pub mod report;
 pub mod seal;
 pub mod source;
+pub mod verification;

@@ -84,12 +84,12 @@ pub struct SetUp {
     pub bench: Bench<f64>,
     /// The type's scale factor, V/g, > 0.
     pub nominal_v_per_g: f64,
-    /// Scale of the reference's channels I, P and O, V/g.
-    pub reference_v_per_g: [f64; 3],
+    /// Scale of the reference's channels I, P and O, V/g; `None` if the reference does not see gravity.
+    pub reference_v_per_g: Option<[f64; 3]>,
 }
 
 impl Default for SetUp {
-    /// An exact bench and 1 V/g everywhere.
+    /// An exact bench, an instrument of 1 V/g, a reference that does not see gravity.
     fn default() -> Self {
         Self {
             bench: Bench {
@@ -100,7 +100,7 @@ impl Default for SetUp {
                 local_gravity_g: 1.0,
             },
             nominal_v_per_g: 1.0,
-            reference_v_per_g: [1.0; 3],
+            reference_v_per_g: None,
         }
     }
 }
@@ -115,11 +115,12 @@ impl SetUp {
             b.mount_sigma_rad,
             b.level_sigma_rad,
         ];
-        let [i, p, o] = self.reference_v_per_g;
+        let scales = self.reference_v_per_g.unwrap_or([1.0; 3]);
+        let scales = scales
+            .iter()
+            .chain([&b.local_gravity_g, &self.nominal_v_per_g]);
         sigmas.iter().all(|s| s.is_finite() && *s >= 0.0)
-            && [b.local_gravity_g, self.nominal_v_per_g, i, p, o]
-                .iter()
-                .all(|s| s.is_finite() && *s > 0.0)
+            && scales.into_iter().all(|s| s.is_finite() && *s > 0.0)
     }
 }
 
@@ -317,10 +318,10 @@ impl<'a> SelfCheck<'a> {
         self.noise_v = self.noise_v.max(sigma_v);
         self.lost = self.lost.saturating_add(sums.lost());
         let a = position.specific_force();
-        for (axis, expected) in [a.i, a.p, a.o].into_iter().enumerate() {
+        for (axis, scale) in self.set_up.reference_v_per_g.iter().flatten().enumerate() {
+            let expected_g = [a.i, a.p, a.o][axis] * self.set_up.bench.local_gravity_g;
             let code = sums.mean(axis + 1).unwrap_or(f64::NAN);
-            let seen_g = code * v_per_code[axis + 1] / self.set_up.reference_v_per_g[axis];
-            let off_g = (seen_g - expected * self.set_up.bench.local_gravity_g).abs();
+            let off_g = (code * v_per_code[axis + 1] / scale - expected_g).abs();
             // A reference that is no number stays infinitely far off.
             let off_g = if off_g.is_nan() { f64::INFINITY } else { off_g };
             self.reference_g = self.reference_g.max(off_g);

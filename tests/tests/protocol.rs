@@ -124,6 +124,7 @@ impl<'q> Instrument<'q> {
                 Event::State(state) => Said::Event(Event::State(state)),
                 Event::Fault { sample, fault } => Said::Event(Event::Fault { sample, fault }),
                 Event::Check(outcome) => Said::Event(Event::Check(outcome)),
+                Event::CheckBegun(set_up) => Said::Event(Event::CheckBegun(set_up)),
             });
         }
         said

@@ -19,13 +19,36 @@ use firmware::adc::count::Timers;
 use firmware::adc::registers::{Gain, REFERENCE_V};
 use firmware::adc::{Ads131m04, Reset};
 use firmware::app::App;
+use firmware::check::Check;
 use firmware::link::Queues;
 use firmware::sampler::{Acquisition, Sampler};
+use shared::identify::static_test::workspace_len;
+use shared::self_check::{MARKS, MOUNTS, SelfCheck, SetUp};
 use shared::wire::framing::{EncodeError, Frame};
 use shared::wire::message::{Command, Identity};
 use shared::wire::version;
 
 use super::converter::{Converter, OVERSAMPLING, Quiet, Signal};
+
+/// A board that acquires a signal and talks to a host.
+pub trait Board {
+    /// Sends a command; it is carried out when the board runs.
+    ///
+    /// # Errors
+    /// One line on why it cannot be sent.
+    fn send(&mut self, command: &Command) -> Result<(), String>;
+
+    /// Makes that many conversions of the signal, and gives the bytes that the board sends meanwhile.
+    ///
+    /// # Errors
+    /// One line on why the board does not run on.
+    fn run(
+        &mut self,
+        samples: u64,
+        signal: &mut dyn Signal,
+        sink: &mut dyn FnMut(&[u8]),
+    ) -> Result<(), String>;
+}
 
 /// Conversions whose input is made at once.
 const CHUNK: u64 = 64;
@@ -227,6 +250,32 @@ pub struct VirtualBoard {
     command_sequence: u16,
 }
 
+/// A self-check in a work space that lasts, like the queues, until the program ends.
+fn check() -> Check<'static> {
+    let workspace = Box::leak(vec![0.0; workspace_len(MARKS, MOUNTS)].into_boxed_slice());
+    let test = SelfCheck::new(SetUp::default(), workspace).expect("the work space has that length");
+    Check::new(test)
+}
+
+impl Board for VirtualBoard {
+    fn send(&mut self, command: &Command) -> Result<(), String> {
+        match VirtualBoard::send(self, command) {
+            Ok(_) => Ok(()),
+            Err(error) => Err(format!("a command cannot be framed: {error:?}")),
+        }
+    }
+
+    fn run(
+        &mut self,
+        samples: u64,
+        signal: &mut dyn Signal,
+        sink: &mut dyn FnMut(&[u8]),
+    ) -> Result<(), String> {
+        VirtualBoard::run(self, samples, signal, sink);
+        Ok(())
+    }
+}
+
 impl VirtualBoard {
     /// Switched on, with the converter set up; blocks of that many conversions. Each board keeps a few kilobytes until
     /// the program ends, as the firmware's queues are made for good.
@@ -256,7 +305,7 @@ impl VirtualBoard {
         let sampler = Sampler::new(acquisition_end, block_samples);
         let mut board = Self {
             acquisition: Acquisition::new(driver, sampler, Reset::Pin),
-            app: App::new(identity, application_end),
+            app: App::new(identity, application_end).with_check(check()),
             frame: Frame::new(),
             command_sequence: 0,
             world,

@@ -17,6 +17,8 @@ pub mod chain;
 pub mod converter;
 pub mod dial;
 pub mod effects;
+#[cfg(feature = "emulated")]
+pub mod emulated;
 pub mod environment;
 pub mod excitation;
 pub mod noise;

@@ -42,6 +42,7 @@ macro_rules! commands {
 }
 
 commands! {
+    capture::Capture,
     demo::Demo,
     blind_check::BlindCheck,
     diagnose::Diagnose,
@@ -53,6 +54,7 @@ commands! {
     report::Report,
     simulate::Simulate,
     unseal::Unseal,
+    verify::Verify,
 }
 
 /// Vibration rectification error of a navigation accelerometer: predicted from a static test, compared with

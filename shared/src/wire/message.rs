@@ -86,6 +86,8 @@ pub enum Event<'a> {
     },
     /// Outcome of a self-check.
     Check(Outcome),
+    /// A self-check begins, with this; answers [`Command::BeginCheck`].
+    CheckBegun(SetUp),
 }
 
 /// The sense in which the dial came to its mark.

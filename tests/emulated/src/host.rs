@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use shared::self_check::Outcome;
+use shared::self_check::{Outcome, SetUp};
 use shared::wire::framing::Frame;
 use shared::wire::message::{Block, CHANNELS, Fault, Identity, Refusal, State};
 use shared::wire::{Command, Deframer, Event, FrameError, version};
@@ -27,6 +27,8 @@ pub enum Heard {
     State(State),
     /// Trouble before a sample.
     Fault(u64, Fault),
+    /// A self-check begins.
+    CheckBegun(SetUp),
     /// Outcome of a self-check.
     Check(Outcome),
     /// Bytes that are no frame.
@@ -44,6 +46,7 @@ impl From<Event<'_>> for Heard {
             Event::State(state) => Self::State(state),
             Event::Fault { sample, fault } => Self::Fault(sample, fault),
             Event::Check(outcome) => Self::Check(outcome),
+            Event::CheckBegun(set_up) => Self::CheckBegun(set_up),
         }
     }
 }

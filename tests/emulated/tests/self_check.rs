@@ -24,7 +24,7 @@ const SET_UP: SetUp = SetUp {
         local_gravity_g: 1.0,
     },
     nominal_v_per_g: 0.8,
-    reference_v_per_g: [0.8; 3],
+    reference_v_per_g: Some([0.8; 3]),
 };
 
 fn truth() -> Coefficients<f64> {
