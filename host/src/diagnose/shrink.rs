@@ -27,7 +27,7 @@ impl Problem<'_> {
     /// Cross-validates a fit against the nominal model; `None` without runs.
     pub fn shrink(&self, null: &Fit, fit: &Fit) -> Option<Shrink> {
         let measured = |run: &&Run| run.measured.is_some();
-        let mut conditions: Vec<(VibrationKind, [f64; 2])> = Vec::new();
+        let mut conditions: Vec<(VibrationKind, [f64; 2], f64)> = Vec::new();
         for run in self
             .situation
             .runs
@@ -35,8 +35,8 @@ impl Problem<'_> {
             .copied()
             .filter(|run| measured(run))
         {
-            if !conditions.contains(&(run.kind, run.band_hz)) {
-                conditions.push((run.kind, run.band_hz));
+            if !conditions.contains(&(run.kind, run.band_hz, run.specific_force_g.i)) {
+                conditions.push((run.kind, run.band_hz, run.specific_force_g.i));
             }
         }
         let made = self
@@ -51,10 +51,15 @@ impl Problem<'_> {
         let from_static = self.static_only()?;
         let (mut statics, mut refit, mut with, mut floor) = (0.0, 0.0, 0.0, 0.0);
         let (mut between, mut spread) = (0.0, 0.0);
-        for (kind, band_hz) in conditions {
+        for (kind, band_hz, a0_i_g) in conditions {
             let runs = self.situation.runs.iter().enumerate();
             let fold: Vec<usize> = runs
-                .filter(|(_, run)| measured(run) && run.kind == kind && run.band_hz == band_hz)
+                .filter(|(_, run)| {
+                    measured(run)
+                        && run.kind == kind
+                        && run.band_hz == band_hz
+                        && run.specific_force_g.i == a0_i_g
+                })
                 .map(|(row, _)| row)
                 .collect();
             let nominal = self.held_out(null, &fold)?;

@@ -240,7 +240,7 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
     ];
     html! {
         h2 { "How far the gap shrinks" }
-        p { "Each group of runs of one frequency was predicted from all the others, so that no prediction has seen its own run." }
+        p { "Each group of runs of one frequency and attitude was predicted from all the others, so that no prediction has seen its own run." }
         table {
             thead { tr { th { "prediction" } th.number { "typical miss / 10" sup { "\u{2212}6" } " g" } } }
             tbody { @for (words, rms) in rows { tr { td { (words) } td.number { (format!("{:.2}", 1e6 * rms)) } } } }
