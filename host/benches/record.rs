@@ -49,7 +49,7 @@ fn decoded_and_reduced(bencher: Bencher) {
             let mut moments = Accumulator::<f64>::new([0; 4]);
             let tally = record::read(
                 black_box(record.as_slice()),
-                |event| -> Result<(), RecordError> {
+                |event, _| -> Result<(), RecordError> {
                     if let Event::Raw(raw) = event {
                         raw.samples()
                             .try_for_each(|sample| moments.push(sample))
@@ -70,7 +70,7 @@ fn decoded(bencher: Bencher) {
         .bench_local(|| {
             record::read(
                 black_box(record.as_slice()),
-                |event| -> Result<(), RecordError> {
+                |event, _| -> Result<(), RecordError> {
                     black_box(event);
                     Ok(())
                 },

@@ -132,7 +132,7 @@ fn reduce(file: &Path) -> Result<(Reduction, Tally), Error> {
     }
     let mut reduction = Reduction::new(DWELL_BLOCKS, PLATEAU_BLOCKS);
     let source = FileSource::open(file)?;
-    let tally = record::read(source, |event| {
+    let tally = record::read(source, |event, _| {
         reduction.absorb(&event).map_err(Failure::Reduction)
     });
     match tally {

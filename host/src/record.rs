@@ -120,7 +120,8 @@ pub struct Tally {
     pub foreign_frames: u64,
     /// Frames missing by the sequence number, which counts modulo 65536.
     pub missing_frames: u64,
-    /// Times that the sequence went back: the instrument began anew, or records were joined.
+    /// Times that the sequence or the index of the samples went back: the instrument began anew, or records
+    /// were joined.
     pub restarts: u64,
     /// Samples of [`Event::Raw`].
     pub raw: Samples,
@@ -148,6 +149,10 @@ struct Continuity {
 }
 
 impl Continuity {
+    fn goes_back(&self, first: u64) -> bool {
+        self.next.is_some_and(|next| first < next)
+    }
+
     fn take(&mut self, samples: &mut Samples, first: u64, received: u64, lost: u64) {
         let gap = self.next.map_or(0, |next| first.saturating_sub(next));
         match self.broken {
@@ -191,14 +196,15 @@ impl Reader {
         self.serial
     }
 
-    /// Takes the next bytes, which are unpacked in place, and hands each sound event to `sink`.
+    /// Takes the next bytes, which are unpacked in place, and hands each sound event to `sink` with the
+    /// tally up to and including it.
     ///
     /// # Errors
     /// [`RecordError::TwoInstruments`], and what `sink` returns.
     pub fn feed<E: From<RecordError>>(
         &mut self,
         mut bytes: &mut [u8],
-        sink: &mut impl FnMut(Event<'_>) -> Result<(), E>,
+        sink: &mut impl FnMut(Event<'_>, &Tally) -> Result<(), E>,
     ) -> Result<(), E> {
         while let Some(end) = memchr(DELIMITER, bytes) {
             if end == 0 && self.overlong == 0 && self.begun.is_empty() {
@@ -254,7 +260,7 @@ impl Reader {
     fn stretch<E: From<RecordError>>(
         &mut self,
         stretch: &mut [u8],
-        sink: &mut impl FnMut(Event<'_>) -> Result<(), E>,
+        sink: &mut impl FnMut(Event<'_>, &Tally) -> Result<(), E>,
     ) -> Result<(), E> {
         let length = stretch.len() as u64 + 1;
         let opened = Packet::open(stretch)
@@ -265,7 +271,7 @@ impl Reader {
                 self.tally.frames += 1;
                 self.follow(sequence);
                 self.account(&event)?;
-                sink(event)
+                sink(event, &self.tally)
             }
             Err(error) => {
                 if matches!(error, FrameError::Version(_)) {
@@ -289,14 +295,18 @@ impl Reader {
             .map_or(0, |last| sequence.wrapping_sub(last).wrapping_sub(1));
         self.sequence = Some(sequence);
         if gap >= 1 << 15 {
-            self.tally.restarts += 1;
-            self.raw = Continuity::default();
-            self.blocks = Continuity::default();
+            self.restart();
         } else if gap > 0 {
             self.tally.missing_frames += u64::from(gap);
             self.raw.broken = true;
             self.blocks.broken = true;
         }
+    }
+
+    fn restart(&mut self) {
+        self.tally.restarts += 1;
+        self.raw = Continuity::default();
+        self.blocks = Continuity::default();
     }
 
     fn account(&mut self, event: &Event<'_>) -> Result<(), RecordError> {
@@ -314,11 +324,17 @@ impl Reader {
             }
             Event::Raw(raw) => {
                 let received = raw.samples().len() as u64;
+                if self.raw.goes_back(raw.first_sample) {
+                    self.restart();
+                }
                 self.raw
                     .take(&mut self.tally.raw, raw.first_sample, received, 0);
             }
             Event::Block(block) => {
                 let (received, lost) = (u64::from(block.count), u64::from(block.lost));
+                if self.blocks.goes_back(block.first_sample) {
+                    self.restart();
+                }
                 self.blocks
                     .take(&mut self.tally.blocks, block.first_sample, received, lost);
             }
@@ -328,13 +344,14 @@ impl Reader {
     }
 }
 
-/// Reads a record to its end, in constant memory, and hands each sound event to `sink`.
+/// Reads a record to its end, in constant memory, and hands each sound event to `sink` with the
+/// tally up to and including it.
 ///
 /// # Errors
 /// [`RecordError`], and what `sink` returns.
 pub fn read<E: From<RecordError>>(
     mut source: impl Read,
-    mut sink: impl FnMut(Event<'_>) -> Result<(), E>,
+    mut sink: impl FnMut(Event<'_>, &Tally) -> Result<(), E>,
 ) -> Result<Tally, E> {
     let mut reader = Reader::new();
     let mut chunk = vec![0; CHUNK];

@@ -54,7 +54,7 @@ pub fn verify(folder: &Path) -> Result<Verification, Error> {
     let campaign = Campaign::read(folder)?;
     let file = folder.join(RECORD);
     let mut replay = Replay::default();
-    let read = record::read(FileSource::open(&file)?, |event| {
+    let read = record::read(FileSource::open(&file)?, |event, _| {
         replay.take(&event);
         Ok::<(), RecordError>(())
     });

@@ -292,6 +292,11 @@ fn bad_input_is_one_line_with_file_row_and_column() {
 
 /// A shaker run of an instrument of 2 V/g on a converter of 1.2 V: blocks of 40 samples.
 fn recorded(shift_v: f64) -> Vec<u8> {
+    session(shift_v, 1e-4, 0.3)
+}
+
+/// The same with a noise and an amplitude of its own, V.
+fn session(shift_v: f64, noise_v: f64, amplitude_v: f64) -> Vec<u8> {
     let mut rng = StdRng::seed_from_u64(6);
     let identity = Identity {
         minimum: MINIMUM,
@@ -323,8 +328,8 @@ fn recorded(shift_v: f64) -> Vec<u8> {
             let mut codes = Vec::new();
             for _ in 0..40 {
                 let t = index as f64 / 4000.0;
-                let shaken = shift_v + 0.3 * (std::f64::consts::TAU * 80.0 * t).sin();
-                let u = 1e-4 * normal(&mut rng)
+                let shaken = shift_v + amplitude_v * (std::f64::consts::TAU * 80.0 * t).sin();
+                let u = noise_v * normal(&mut rng)
                     + if plateau == Plateau::During {
                         shaken
                     } else {
@@ -400,6 +405,193 @@ fn a_recorded_run_is_measured_from_its_blocks_and_from_its_raw_samples() {
         "{tally:?}"
     );
     assert!((found.axes[0].shift_g.value.unwrap() - 5e-4).abs() < 2e-5);
+}
+
+/// Of the run in a record, by its blocks.
+fn blocks(bytes: &[u8], full_scale_g: Option<f64>) -> Result<Measurement, host::error::Error> {
+    let calibration = Calibration {
+        units_per_g: 2.0,
+        full_scale_g,
+        ..calibration()
+    };
+    let request = Request {
+        columns: columns(&[]),
+        selection: None,
+        run: None,
+        calibration,
+    };
+    run(bytes, &request)
+}
+
+/// Length of the first frame with its delimiter.
+fn first_frame(bytes: &[u8]) -> usize {
+    bytes.iter().position(|&byte| byte == 0).unwrap() + 1
+}
+
+#[test]
+fn blocks_are_counted_as_blocks_and_their_samples_as_samples() {
+    let found = blocks(&recorded(1e-3), None).unwrap();
+    let during = &found.segments[1];
+    assert_eq!((during.samples, during.blocks), (24_000, Some(600)));
+    // Of the samples: means of half a period would have 2/pi of it, or none.
+    assert!((during.rms_g[0] - 0.15 / 2f64.sqrt()).abs() < 1e-3);
+}
+
+#[test]
+fn two_sessions_in_one_record_are_not_one_measurement() {
+    let bytes = [recorded(1e-3), recorded(1e-3)].concat();
+    let error = blocks(&bytes, None).unwrap_err();
+    assert_eq!(error.exit_status(), 2);
+    let line = error.to_string();
+    let place = format!(
+        "in frame 2002 (before byte {})",
+        bytes.len() / 2 + first_frame(&bytes)
+    );
+    assert!(line.contains("two sessions in one record: run 5"), "{line}");
+    assert!(line.contains(&place), "{line}");
+    let line = run(&bytes, &windows("0..3", "3..9"))
+        .unwrap_err()
+        .to_string();
+    assert!(line.contains("two sessions in one record"), "{line}");
+}
+
+#[test]
+fn after_a_restart_nobody_speaks_until_he_says_who_he_is() {
+    let whole = recorded(1e-3);
+    let silent = &whole[first_frame(&whole)..];
+    let found = blocks(&[&whole, silent].concat(), None).unwrap();
+    assert_eq!(
+        found.axes[0].shift_g,
+        blocks(&whole, None).unwrap().axes[0].shift_g
+    );
+    assert_eq!(found.record.unwrap().restarts, 1);
+    assert!(
+        found
+            .notes
+            .iter()
+            .any(|note| note.starts_with("900 blocks and 0 frames"))
+    );
+}
+
+#[test]
+fn a_record_whose_beginning_is_damaged_is_still_a_record() {
+    let whole = recorded(1e-3);
+    let hello = first_frame(&whole);
+    let rubbish = vec![0x55; 10_000];
+    let found = blocks(&[&rubbish, &[0][..], &whole].concat(), None).unwrap();
+    assert_eq!(found.verdict, Verdict::Attributable);
+    // Who speaks is said after the first blocks only.
+    let (early, late) = whole[hello..].split_at(40_000);
+    let end = early.iter().rposition(|&byte| byte == 0).unwrap() + 1;
+    let late_hello = [&early[..end], &whole[..hello], &early[end..], late].concat();
+    let found = blocks(&late_hello, None).unwrap();
+    assert!(
+        found
+            .notes
+            .iter()
+            .any(|note| note.contains("had not yet said who it is"))
+    );
+    let line = blocks(&whole[hello..], None).unwrap_err().to_string();
+    assert!(
+        line.contains("raw.csv") && line.contains("never says who it is"),
+        "{line}"
+    );
+    assert!(
+        line.contains("2000 sound frames, 1000 of them blocks and 1000 of raw samples"),
+        "{line}"
+    );
+    let line = blocks(b"", None).unwrap_err().to_string();
+    assert!(line.ends_with("raw.csv: is an empty file"), "{line}");
+}
+
+#[test]
+fn blocks_that_touch_full_scale_are_a_rival_of_unknown_size() {
+    let axis = blocks(&recorded(1e-3), Some(0.14)).unwrap().axes.remove(0);
+    assert_eq!(
+        (axis.rivals[0].kind, axis.rivals[0].size_g),
+        (Kind::Clipping, None)
+    );
+    // Half a period a block: each holds one crest, the upper or the lower.
+    assert!(
+        (axis.clipped_share - 1.0).abs() < 0.01,
+        "{}",
+        axis.clipped_share
+    );
+    assert!(axis.rivals[0].finding.contains("% of the blocks"));
+    assert_eq!(axis.verdict, Verdict::NotAttributable);
+    assert!(
+        blocks(&recorded(1e-3), Some(0.16)).unwrap().axes[0]
+            .rivals
+            .is_empty()
+    );
+}
+
+#[test]
+fn without_scatter_nothing_is_claimed() {
+    let lsb_v = 1.2 / f64::from(1 << 23);
+    for (codes, verdict) in [
+        (0.0, Verdict::NoShift),
+        (1.0, Verdict::NoShift),
+        (1000.0, Verdict::NotAttributable),
+    ] {
+        let found = blocks(&session(codes * lsb_v, 0.0, 0.0), None).unwrap();
+        let axis = &found.axes[0];
+        assert_eq!((axis.verdict, axis.p_value), (verdict, None));
+        assert_eq!(axis.quantisation.unwrap().step_g, Some(lsb_v / 2.0));
+        assert!(axis.interval_95_g[1] - axis.interval_95_g[0] >= lsb_v);
+        assert!(
+            found
+                .notes
+                .iter()
+                .any(|note| note.contains("noise is unknown"))
+        );
+    }
+    for (step, verdict) in [(0, Verdict::NoShift), (1, Verdict::NoShift)] {
+        let rows = (0..1000).map(|n| format!("{n},{}\n", if n < 500 { 0 } else { step }));
+        let table: String = std::iter::once("t,u\n".into()).chain(rows).collect();
+        let found = run(table.as_bytes(), &windows("0..500", "500..1000")).unwrap();
+        assert_eq!((found.verdict, found.axes[0].p_value), (verdict, None));
+    }
+    // Even codes that alternate have means without scatter.
+    let rows = (0..1024).map(|n| format!("{n},{}\n", n % 2 + n / 512));
+    let table: String = std::iter::once("t,u\n".into()).chain(rows).collect();
+    let found = run(table.as_bytes(), &windows("0..512", "512..1024")).unwrap();
+    assert_ne!(found.verdict, Verdict::Attributable);
+}
+
+#[test]
+fn numbers_that_no_output_has_are_refused_in_their_row() {
+    let rows = (0..200).map(|n| format!("{n},{}\n", if n % 2 == 0 { "1e308" } else { "-1e308" }));
+    let table: String = std::iter::once("t,u\n".into()).chain(rows).collect();
+    let error = run(table.as_bytes(), &windows("0..100", "100..200")).unwrap_err();
+    assert_eq!(error.exit_status(), 2);
+    let line = error.to_string();
+    assert!(
+        line.contains("row 2, column u: 1e308 g is more than 1e9 g"),
+        "{line}"
+    );
+}
+
+#[test]
+fn the_scale_of_a_record_is_said_to_be_at_the_converter_and_no_absurd_one_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("capture.rec");
+    fs::write(&file, recorded(1e-3)).unwrap();
+    let vre = |scale: &str| {
+        let mut command = assert_cmd::Command::cargo_bin("vre").unwrap();
+        command.arg("measure").arg(&file).args(["--scale", scale]);
+        command.output().unwrap()
+    };
+    let text = String::from_utf8(vre("2").stdout).unwrap();
+    assert!(
+        text.contains("scale 2 V/g at the converter's input"),
+        "{text}"
+    );
+    assert!(text.contains("24000 samples in 600 blocks"), "{text}");
+    assert!(text.contains("; 0 restarts"), "{text}");
+    for absurd in ["1e-13", "1e13", "0", "nan"] {
+        assert_eq!(vre(absurd).status.code(), Some(2));
+    }
 }
 
 #[test]

@@ -68,7 +68,7 @@ fn frames(count: u64) -> Vec<Vec<u8>> {
 /// The first samples of the raw frames that came through, and the tally.
 fn read(bytes: &[u8]) -> (Vec<u64>, Tally) {
     let mut firsts = Vec::new();
-    let tally = record::read(bytes, |event| -> Result<(), RecordError> {
+    let tally = record::read(bytes, |event, _| -> Result<(), RecordError> {
         if let Event::Raw(raw) = event {
             assert_eq!(raw.samples().len() as u64, SAMPLES);
             firsts.push(raw.first_sample);
@@ -188,7 +188,9 @@ fn a_record_cut_anywhere_gives_all_whole_frames() {
 #[test]
 fn two_instruments_in_one_record_are_an_error_that_names_both() {
     let bytes = [hello(1, 0), raw(0, 1), hello(1, 2), hello(2, 3)].concat();
-    let outcome = record::read(bytes.as_slice(), |_| -> Result<(), RecordError> { Ok(()) });
+    let outcome = record::read(bytes.as_slice(), |_, _| -> Result<(), RecordError> {
+        Ok(())
+    });
     let error = outcome.unwrap_err().in_file("x.raw".as_ref());
     assert_eq!(error.exit_status(), 2);
     let line = error.to_string();
@@ -205,6 +207,16 @@ fn a_restart_of_the_instrument_is_no_loss() {
     assert_eq!(firsts, [4000, 0]);
     assert_eq!(
         (tally.restarts, tally.missing_frames, tally.raw.missing),
+        (1, 0, 0)
+    );
+}
+
+#[test]
+fn an_index_of_samples_that_goes_back_is_a_restart_though_the_sequence_goes_on() {
+    let bytes = [hello(1, 0), raw(4000, 1), hello(1, 2), raw(0, 3), raw(8, 4)].concat();
+    let (_, tally) = read(&bytes);
+    assert_eq!(
+        (tally.restarts, tally.raw.missing, tally.raw.not_sent),
         (1, 0, 0)
     );
 }
@@ -238,7 +250,7 @@ fn rubbish_is_read_to_its_end_and_counted() {
             state: 7,
             keep,
         };
-        let tally = record::read(rubbish, |_| -> Result<(), RecordError> { Ok(()) }).unwrap();
+        let tally = record::read(rubbish, |_, _| -> Result<(), RecordError> { Ok(()) }).unwrap();
         assert_eq!((tally.bytes, tally.frames), (left, 0));
         assert_eq!(tally.damaged_bytes + tally.idle_delimiters, left);
     }
@@ -250,7 +262,7 @@ proptest! {
         pieces in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..3000), 0..6),
     ) {
         let mut reader = Reader::new();
-        let mut nothing = |_: Event<'_>| -> Result<(), RecordError> { Ok(()) };
+        let mut nothing = |_: Event<'_>, _: &Tally| -> Result<(), RecordError> { Ok(()) };
         for piece in &pieces {
             // Two instruments, in rubbish, would be an error, not a panic.
             let _ = reader.feed(&mut piece.clone(), &mut nothing);
@@ -269,7 +281,7 @@ proptest! {
             let place = place.index(bytes.len());
             bytes[place] = value;
         }
-        let mut nothing = |_: Event<'_>| -> Result<(), RecordError> { Ok(()) };
+        let mut nothing = |_: Event<'_>, _: &Tally| -> Result<(), RecordError> { Ok(()) };
         let mut reader = Reader::new();
         let mut rest = bytes.clone();
         for cut in cuts.into_iter().cycle() {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::{Command, Console};
 use crate::error::Error;
 use crate::measure::{self, Axis, Calibration, Columns, Measurement, Request, Selection, Verdict};
+use crate::quantity::Quantity;
 
 /// Measure the vibration error from a raw record: how far the mean shifts under vibration, with its uncertainty and
 /// what else could have shifted it
@@ -17,8 +18,8 @@ Examples:
   Many files in one table, three axes in counts:
     vre measure raw.csv --column accel_x,accel_y,accel_z --group file --before 'quiet_*' --during 'saw_*' \\
       --time timestamp_ms --time-unit ms --scale 16384 --full-scale 2 --temperature temp_c
-  A shaker run from recorded frames:
-    vre measure capture.rec --run 3 --scale 1.2")]
+  A shaker run from recorded frames, an instrument of 1.2 V/g behind a divider by 10:
+    vre measure capture.rec --run 3 --scale 0.12")]
 pub struct Measure {
     /// A CSV table, or a record of frames
     file: PathBuf,
@@ -43,8 +44,9 @@ pub struct Measure {
     /// Unit of the time
     #[arg(long, value_enum, default_value = "s")]
     time_unit: TimeUnit,
-    /// Scale factor: counts or volts a g
-    #[arg(long, value_name = "UNITS_PER_G", default_value = "1", value_parser = super::positive)]
+    /// Scale factor: counts or volts a g; of a record of frames, V/g at the converter's input, behind all dividers of the
+    /// front end: 0.12 for an instrument of 1.2 V/g behind a divider by 10
+    #[arg(long, value_name = "UNITS_PER_G", default_value = "1", value_parser = scale)]
     scale: f64,
     /// Where the output clips, g
     #[arg(long, value_name = "G", value_parser = super::positive)]
@@ -58,6 +60,13 @@ pub struct Measure {
     /// Shaker run, of a record of frames; the first by default
     #[arg(long, value_name = "N")]
     run: Option<u32>,
+}
+
+/// What no instrument and no unit comes near is a slip of the pen.
+fn scale(text: &str) -> Result<f64, String> {
+    let scale = super::positive(text)?;
+    let sound = (1e-12..=1e12).contains(&scale);
+    sound.then_some(scale).ok_or_else(|| "is outside of 1e-12 to 1e12".into())
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -112,14 +121,19 @@ impl Command for Measure {
 }
 
 fn text(found: &Measurement) -> String {
-    let mut text = format!("{}\n\n", found.input);
+    let mut text = format!("{}\n", found.input);
+    if found.record.is_some() {
+        let _ = writeln!(text, "scale {} V/g at the converter's input", found.units_per_g);
+    }
+    text.push('\n');
     for segment in &found.segments {
-        let means: Vec<_> = segment.mean_g.iter().map(|mean| format!("{mean:>14}")).collect();
+        let means: Vec<_> = segment.mean_g.iter().map(|mean| format!("{:>14}", shown(*mean))).collect();
         let rms: Vec<_> = segment.rms_g.iter().map(|rms| format!("{rms:.4}")).collect();
+        let blocks = segment.blocks.map(|n| format!(" in {n} blocks")).unwrap_or_default();
         let temperature = segment.temperature_c.map(|t| format!("  {t:.2} C")).unwrap_or_default();
         let _ = writeln!(
             text,
-            "{:<6} {:<28} {:>9} samples  mean {} g  rms {} g{temperature}",
+            "{:<6} {:<28} {:>9} samples{blocks}  mean {} g  rms {} g{temperature}",
             segment.role,
             segment.name,
             segment.samples,
@@ -134,7 +148,7 @@ fn text(found: &Measurement) -> String {
         let _ = writeln!(
             text,
             "\nrecord: {} sound frames; lost: {} frames missing, {} of {} bytes damaged in {} stretches, {} raw samples, \
-             {} samples of blocks",
+             {} samples of blocks; {} restarts",
             tally.frames,
             tally.missing_frames,
             tally.damaged_bytes,
@@ -142,6 +156,7 @@ fn text(found: &Measurement) -> String {
             tally.damaged_stretches,
             tally.raw.missing,
             tally.blocks.missing,
+            tally.restarts,
         );
     }
     if !found.notes.is_empty() {
@@ -153,6 +168,14 @@ fn text(found: &Measurement) -> String {
     text
 }
 
+/// A figure whose uncertainty is unknown still has a value.
+fn shown(figure: Quantity) -> String {
+    match (figure.value, figure.sigma) {
+        (Some(value), None) => format!("{value}(?)"),
+        _ => figure.to_string(),
+    }
+}
+
 fn write_axis(text: &mut String, axis: &Axis) {
     let [low, high] = axis.interval_95_g.map(|g| 1e3 * g);
     // As many digits as the uncertainty has, and one more.
@@ -161,14 +184,14 @@ fn write_axis(text: &mut String, axis: &Axis) {
         many if many > 1000.0 => "over 1000".into(),
         few => format!("{few:.1}"),
     };
+    let probability = axis.p_value.map_or("p unknown".into(), |p| format!("p = {p:.2e}"));
     let _ = writeln!(
         text,
-        "\n{}: shift {} mg, 95 % interval {low:.decimals$} to {high:.decimals$} mg ({freedom} degrees of freedom), p = {:.2e}\n  \
+        "\n{}: shift {} mg, 95 % interval {low:.decimals$} to {high:.decimals$} mg ({freedom} degrees of freedom), {probability}\n  \
          plain difference of the means {} mg; rms {:.4} g before, {:.4} g during",
         axis.column,
-        axis.shift_g.scaled(1e3),
-        axis.p_value,
-        axis.mean_difference_g.scaled(1e3),
+        shown(axis.shift_g.scaled(1e3)),
+        shown(axis.mean_difference_g.scaled(1e3)),
         axis.rms_before_g,
         axis.rms_during_g,
     );
@@ -179,7 +202,7 @@ fn write_axis(text: &mut String, axis: &Axis) {
     let verdict = match axis.verdict {
         Verdict::NoShift => "no shift beyond the uncertainty",
         Verdict::Attributable => "a shift that the vibration explains and nothing else that was looked at",
-        Verdict::NotAttributable => "a shift, but NOT ATTRIBUTABLE to the vibration: see the rivals",
+        Verdict::NotAttributable => "a shift, but NOT ATTRIBUTABLE to the vibration: see the rivals and notes",
     };
     let _ = writeln!(text, "  verdict: {verdict}");
 }

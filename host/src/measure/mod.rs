@@ -6,6 +6,7 @@
 //! A shift that something else explains is never called a vibration error ([`rival`]).
 
 mod frames;
+mod quantisation;
 mod rival;
 mod segment;
 mod selection;
@@ -19,6 +20,7 @@ use serde::Serialize;
 use shared::slope::{Estimate, MIN_SAMPLES, SlopeError};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+pub use quantisation::Quantisation;
 pub use rival::{Kind, Rival};
 pub use segment::{Role, Segment, Spread};
 pub use selection::{Names, Selection, Window};
@@ -34,13 +36,14 @@ const RISK: f64 = 0.05;
 /// Degrees of freedom beyond which Student's t is the normal distribution.
 const MAX_FREEDOM: f64 = 1e6;
 
-/// Bytes by which a record of frames is told from a table: a table has no zero byte.
+/// Bytes by which a record of frames is told from a table, if columns are named: a table has no zero byte.
 const SNIFF: usize = 4096;
 
 /// How numbers become g.
 #[derive(Clone, Copy, Debug)]
 pub struct Calibration {
-    /// Units (counts, volts) a g: the scale factor K1.
+    /// Units (counts, volts) a g: the scale factor K1. Of a record of frames it is in V/g at the converter's input:
+    /// a record knows nothing of what divides the voltage before.
     pub units_per_g: f64,
     /// Where the output clips, g.
     pub full_scale_g: Option<f64>,
@@ -80,6 +83,8 @@ pub struct Measurement {
     pub verdict: Verdict,
     /// One for each column.
     pub axes: Vec<Axis>,
+    /// Scale factor: of a record of frames in V/g at the converter's input, behind all dividers.
+    pub units_per_g: f64,
     /// The segments in the order of the record.
     pub segments: Vec<Summary>,
     /// What should be known about the record, without bearing on the verdict.
@@ -112,8 +117,8 @@ pub struct Axis {
     pub shift_g: Quantity,
     /// Degrees of freedom of its uncertainty, at most a million.
     pub degrees_of_freedom: f64,
-    /// Probability of a shift at least as large if there were none.
-    pub p_value: f64,
+    /// Probability of a shift at least as large if there were none; none if the noise is unknown.
+    pub p_value: Option<f64>,
     /// Interval of 95 %, g.
     pub interval_95_g: [f64; 2],
     /// Plain difference of the means, g.
@@ -122,7 +127,10 @@ pub struct Axis {
     pub rms_before_g: f64,
     /// The same during, g.
     pub rms_during_g: f64,
-    /// Share of samples at the limits during the vibration.
+    /// The step that hides the noise of a segment without scatter, g; the noise is unknown then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quantisation: Option<Quantisation>,
+    /// Share of samples (or of blocks that hold some) at the limits during the vibration.
     pub clipped_share: f64,
     /// What else could have shifted the mean.
     pub rivals: Vec<Rival>,
@@ -137,6 +145,9 @@ pub struct Summary {
     pub role: String,
     /// Samples.
     pub samples: u64,
+    /// The blocks that they came in, if it was measured from blocks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blocks: Option<u64>,
     /// Mean of each column, with its uncertainty within the segment, g.
     pub mean_g: Vec<Quantity>,
     /// Standard deviation of each column, g.
@@ -158,31 +169,33 @@ pub fn measure(file: &Path, request: &Request) -> Result<Measurement, Error> {
         .take(SNIFF as u64)
         .read_to_end(&mut head)
         .map_err(Error::read(file))?;
-    let is_record = head.contains(&0);
+    if head.is_empty() {
+        return Err(Error::input(file, Problem::EmptyFile));
+    }
+    let is_record = request.columns.outputs.is_empty() || head.contains(&0);
     let source = Cursor::new(head).chain(source);
     let calibration = &request.calibration;
-    let (segments, columns, record) = if is_record {
+    let (segments, columns, record, left_out) = if is_record {
         let selection = request.selection.as_ref();
         if matches!(selection, Some(Selection::Groups { .. })) {
-            return Err(Error::Usage(
-                "--group needs a table; a record of frames has none".into(),
-            ));
+            let problem = "--group needs a table and its --column; a record of frames has none";
+            return Err(Error::input(file, problem));
         }
-        let (segments, tally) = frames::read(file, source, selection, request.run, calibration)?;
-        (segments, vec!["instrument".into()], Some(tally))
+        let (segments, tally, left_out) =
+            frames::read(file, source, selection, request.run, calibration)?;
+        (segments, vec!["instrument".into()], Some(tally), left_out)
     } else {
         let selection = request.selection.as_ref();
         let selection =
-            selection.ok_or_else(|| Error::Usage("a table needs --before and --during".into()))?;
-        if request.columns.outputs.is_empty() {
-            return Err(Error::Usage("a table needs --column".into()));
-        }
+            selection.ok_or_else(|| Error::input(file, "a table needs --before and --during"))?;
         let segments = table::read(file, source, &request.columns, selection, calibration)?;
-        (segments, request.columns.outputs.clone(), None)
+        (segments, request.columns.outputs.clone(), None, None)
     };
     // Between files the instrument can have been touched.
     let separate = matches!(request.selection, Some(Selection::Groups { .. }));
-    reduce(file, &segments, &columns, calibration, separate, record)
+    let mut found = reduce(file, &segments, &columns, calibration, separate, record)?;
+    found.notes.extend(left_out);
+    Ok(found)
 }
 
 fn reduce(
@@ -203,16 +216,11 @@ fn reduce(
         .iter()
         .find(|segment| segment.count() < MIN_SAMPLES)
     {
-        let (name, error) = (
-            clip(&short.name),
-            SlopeError::TooShort {
-                count: short.count(),
-            },
-        );
-        return Err(Error::input(
-            file,
-            Problem::Other(format!("\"{name}\": {error}")),
-        ));
+        let (name, count) = (clip(&short.name), short.count());
+        let what = short.samples_in_blocks().map_or("samples", |_| "blocks");
+        let problem =
+            format!("\"{name}\": {count} {what} are too few, at least {MIN_SAMPLES} are needed");
+        return Err(Error::input(file, problem));
     }
     let failed = |error: SlopeError| Error::input(file, Problem::Other(error.to_string()));
     let mut axes = Vec::new();
@@ -228,12 +236,17 @@ fn reduce(
                 .trace
                 .mean_estimate(segment.count())
                 .map_err(failed)?;
-            mean_g.push(Quantity::new(estimate.value, estimate.sigma));
+            mean_g.push(match Quantisation::hides(&estimate, channel.step_g) {
+                Some(hidden) => hidden.quantity(estimate, 1),
+                None => Quantity::new(estimate.value, estimate.sigma),
+            });
         }
+        let in_blocks = segment.samples_in_blocks();
         summaries.push(Summary {
             name: segment.name.clone(),
             role: segment.role.to_string(),
-            samples: segment.count(),
+            samples: in_blocks.unwrap_or(segment.count()),
+            blocks: in_blocks.map(|_| segment.count()),
             mean_g,
             rms_g: segment
                 .channels
@@ -243,6 +256,11 @@ fn reduce(
             temperature_c: (segment.temperature_c.count > 0).then_some(segment.temperature_c.mean),
         });
     }
+    let mut notes = rival::notes(segments, columns);
+    notes.extend(axes.iter().filter_map(|axis| {
+        let hidden = axis.quantisation.as_ref()?;
+        Some(hidden.note(&axis.column))
+    }));
     Ok(Measurement {
         format: "vre-measurement/1",
         input: file.display().to_string(),
@@ -252,8 +270,9 @@ fn reduce(
             .max()
             .unwrap_or(Verdict::NoShift),
         axes,
+        units_per_g: calibration.units_per_g,
         segments: summaries,
-        notes: rival::notes(segments, columns),
+        notes,
         record,
     })
 }
@@ -288,20 +307,31 @@ fn axis(segments: &[Segment], index: usize, column: &str) -> Result<Axis, SlopeE
         squares.mean.sqrt()
     };
     let (p_value, half) = significance(&shift);
+    let quantisation = Quantisation::of(segments, index)?;
+    let quantity = |figure: Estimate| match &quantisation {
+        Some(hidden) => hidden.quantity(figure, 2),
+        None => Quantity::new(figure.value, figure.sigma),
+    };
+    let half = match &quantisation {
+        Some(hidden) => half + hidden.step_g.unwrap_or(f64::INFINITY),
+        None => half,
+    };
+    let verdict = match &quantisation {
+        None if p_value < RISK => Verdict::Attributable,
+        Some(_) if shift.value.abs() > half => Verdict::NotAttributable,
+        _ => Verdict::NoShift,
+    };
     Ok(Axis {
         column: column.into(),
-        verdict: if p_value < RISK {
-            Verdict::Attributable
-        } else {
-            Verdict::NoShift
-        },
-        shift_g: Quantity::new(shift.value, shift.sigma),
+        verdict,
+        shift_g: quantity(shift),
         degrees_of_freedom: shift.degrees_of_freedom.min(MAX_FREEDOM),
-        p_value,
+        p_value: quantisation.is_none().then_some(p_value),
         interval_95_g: [shift.value - half, shift.value + half],
-        mean_difference_g: Quantity::new(difference.value, difference.sigma),
+        mean_difference_g: quantity(difference),
         rms_before_g: rms(Role::Before),
         rms_during_g: rms(Role::During),
+        quantisation,
         clipped_share: 0.0,
         rivals: Vec::new(),
     })
@@ -335,8 +365,13 @@ fn pooled(estimates: &[Estimate]) -> Estimate {
     }
 }
 
-/// Probability of a value as far from zero, and half the interval of 95 %.
+/// Probability of a value as far from zero, and half the interval of 95 %; no claim where there is no
+/// uncertainty to measure it by.
 fn significance(estimate: &Estimate) -> (f64, f64) {
+    let unknown = (1.0, f64::INFINITY);
+    if !(estimate.value.is_finite() && estimate.sigma.is_finite()) {
+        return unknown;
+    }
     let freedom = estimate.degrees_of_freedom.clamp(0.1, MAX_FREEDOM);
     match StudentsT::new(0.0, 1.0, freedom) {
         Ok(t) if estimate.sigma > 0.0 => {
@@ -346,6 +381,6 @@ fn significance(estimate: &Estimate) -> (f64, f64) {
                 t.inverse_cdf(1.0 - RISK / 2.0) * estimate.sigma,
             )
         }
-        _ => (if estimate.value == 0.0 { 1.0 } else { 0.0 }, 0.0),
+        _ => unknown,
     }
 }

@@ -49,7 +49,7 @@ pub(super) fn judge(
 ) {
     let gravity = Gravity::of(segments, axes.len());
     for (index, axis) in axes.iter_mut().enumerate() {
-        axis.clipped_share = clipped(segments, index).iter().sum();
+        axis.clipped_share = clipped(segments, index).iter().sum::<f64>().min(1.0);
         let shift = axis.shift_g.value.unwrap_or(0.0);
         let found = [
             temperature(segments, index, shift, calibration),
@@ -144,12 +144,12 @@ fn quiet_sensitivity(segments: &[Segment], index: usize) -> Option<f64> {
     Some(products / squares)
 }
 
-/// Shares of the samples during the vibration at the upper and the lower limit.
+/// Shares of the samples (or blocks) during the vibration at the upper and the lower limit.
 fn clipped(segments: &[Segment], index: usize) -> [f64; 2] {
     let channels: Vec<_> = side(segments, Role::During)
         .filter_map(|s| s.channels.get(index))
         .collect();
-    let all: u64 = channels.iter().map(|c| c.spread.count).sum();
+    let all: u64 = channels.iter().map(|c| c.trace.count()).sum();
     [0, 1].map(|end| {
         let at_limit: u64 = channels.iter().map(|c| c.clipped[end]).sum();
         at_limit as f64 / all.max(1) as f64
@@ -161,7 +161,10 @@ fn clipping(segments: &[Segment], index: usize, calibration: &Calibration) -> Op
     if upper + lower == 0.0 {
         return None;
     }
-    let size = calibration.full_scale_g.map(|limit| {
+    // How many samples of a block are clipped nobody knows.
+    let blocks = side(segments, Role::During).any(|s| s.samples_in_blocks().is_some());
+    let full_scale_g = calibration.full_scale_g.filter(|_| !blocks);
+    let size = full_scale_g.map(|limit| {
         let centre = mean(segments, Role::During, index);
         tail_mean(lower, limit + centre) - tail_mean(upper, limit - centre)
     });
@@ -173,8 +176,13 @@ fn clipping(segments: &[Segment], index: usize, calibration: &Calibration) -> Op
         None => "clipping itself rectifies, by an unknown amount".into(),
     };
     let finding = format!(
-        "{:.4} % of the samples are clipped; {cut}",
-        100.0 * (upper + lower)
+        "{:.4} % of the {} clipped; {cut}",
+        100.0 * (upper + lower).min(1.0),
+        if blocks {
+            "blocks hold samples that are"
+        } else {
+            "samples are"
+        },
     );
     Some(Rival {
         kind: Kind::Clipping,

@@ -1,6 +1,11 @@
 //! What is kept of a stretch of samples: constant memory, however long it is.
 
-use shared::slope::{SlopeError, Trace};
+use shared::slope::Trace;
+
+use crate::error::Problem;
+
+/// The largest output that can be meant, g: more is a wrong scale or a damaged number.
+const MAX_OUTPUT_G: f64 = 1e9;
 
 /// What a segment is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +48,13 @@ impl Segment {
         }
     }
 
-    /// Number of samples.
+    /// Samples, where [`Self::count`] counts blocks of them.
+    pub fn samples_in_blocks(&self) -> Option<u64> {
+        let samples = self.channels.first()?.spread.count;
+        (samples > self.count()).then_some(samples)
+    }
+
+    /// Number of samples, or of blocks if it was made of those.
     pub fn count(&self) -> u64 {
         self.channels
             .first()
@@ -77,23 +88,54 @@ pub struct Channel {
     pub trace: Trace,
     /// Mean and standard deviation.
     pub spread: Spread,
-    /// Samples at the upper and at the lower limit.
+    /// Samples (or blocks) at the upper and at the lower limit.
     pub clipped: [u64; 2],
+    /// The least difference of successive samples that are not equal, or the step of the converter, g.
+    pub step_g: Option<f64>,
+    last_g: Option<f64>,
 }
 
 impl Channel {
     /// Takes a sample in g; `limit_g` is where it clips.
     ///
     /// # Errors
-    /// The sample is not finite.
-    pub fn push(&mut self, output_g: f64, limit_g: Option<f64>) -> Result<(), SlopeError> {
-        self.trace.push(output_g)?;
+    /// The sample is not finite, or of more than a billion g.
+    pub fn push(&mut self, output_g: f64, limit_g: Option<f64>) -> Result<(), Problem> {
+        self.trace(output_g)?;
         self.spread.add(output_g);
         if let Some(limit) = limit_g {
             self.clipped[0] += u64::from(output_g >= limit);
             self.clipped[1] += u64::from(output_g <= -limit);
         }
+        let step = self
+            .last_g
+            .replace(output_g)
+            .map(|last| (output_g - last).abs());
+        if let Some(step) = step.filter(|&step| step > 0.0) {
+            self.step_g = Some(self.step_g.map_or(step, |least| least.min(step)));
+        }
         Ok(())
+    }
+
+    /// Takes a block of `count` samples, given their mean and their variance about it.
+    ///
+    /// # Errors
+    /// As for [`Self::push`].
+    pub fn push_block(&mut self, count: u64, mean_g: f64, variance_g2: f64) -> Result<(), Problem> {
+        self.trace(mean_g)?;
+        self.spread.merge(count, mean_g, variance_g2);
+        Ok(())
+    }
+
+    fn trace(&mut self, output_g: f64) -> Result<(), Problem> {
+        if output_g.abs() > MAX_OUTPUT_G {
+            let problem =
+                format!("{output_g:e} g is more than {MAX_OUTPUT_G:e} g; is the scale right?");
+            return Err(Problem::Other(problem));
+        }
+        self.trace
+            .push(output_g)
+            .map_err(|error| Problem::Other(error.to_string()))
     }
 }
 

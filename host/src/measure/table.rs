@@ -15,6 +15,9 @@ use crate::error::{Error, Place, Problem, clip};
 /// Most groups that can be selected.
 const MAX_GROUPS: usize = 10_000;
 
+/// Beyond it a number is no temperature, C.
+const MAX_TEMPERATURE_C: f64 = 1e4;
+
 /// Names of the columns and their units.
 #[derive(Clone, Debug)]
 pub struct Columns {
@@ -128,13 +131,18 @@ pub(super) fn read(
             })?;
         }
         if let Some(index) = temperature {
-            segment.temperature_c.add(number(index)?);
+            let temperature = number(index)?;
+            if temperature.abs() > MAX_TEMPERATURE_C {
+                let problem = format!("{temperature:e} C is no temperature");
+                return Err(at(index, Problem::Other(problem)));
+            }
+            segment.temperature_c.add(temperature);
         }
         for (channel, &index) in segment.channels.iter_mut().zip(&outputs) {
             let output_g = number(index)? / calibration.units_per_g;
             channel
                 .push(output_g, calibration.clip_g())
-                .map_err(|error| at(index, Problem::Other(error.to_string())))?;
+                .map_err(|problem| at(index, problem))?;
         }
     }
     match rows {
