@@ -39,6 +39,9 @@ const PLATEAU_BLOCKS: u64 = 400;
 /// Blocks for the shaker and the converter's filter to settle before a segment begins.
 const SETTLING_BLOCKS: u64 = 4;
 
+/// Blocks in which a board solves for its coefficients, in double precision without hardware for it.
+const CONCLUDING_BLOCKS: u64 = 200;
+
 const FRONT_END: FrontEnd = FrontEnd {
     divider: 10.0,
     reference_v_per_g: 0.1,
@@ -107,7 +110,7 @@ pub fn capture(
         step();
     }
     session.send(&Command::Conclude)?;
-    session.acquire(SETTLING_BLOCKS, &mut Quiet)?;
+    session.acquire(CONCLUDING_BLOCKS, &mut Quiet)?;
     for number in 0..bench.plan.runs.len() {
         session.run(number)?;
         step();
