@@ -180,10 +180,15 @@ impl<'b> Session<'b> {
                 sample_rate_hz,
             },
         };
-        session.send(&Command::Hello {
-            version: version::CURRENT,
-        })?;
+        session.greet()?;
         Ok(session)
+    }
+
+    /// Asks the instrument who it is.
+    fn greet(&mut self) -> Result<(), Error> {
+        self.send(&Command::Hello {
+            version: version::CURRENT,
+        })
     }
 
     fn send(&mut self, command: &Command) -> Result<(), Error> {
@@ -214,7 +219,8 @@ impl<'b> Session<'b> {
         ran.map_err(Error::Usage).and(outcome)
     }
 
-    /// A segment: settle, begin, acquire, end.
+    /// A segment: settle, greet, begin, acquire, end. The greeting's answer stands before every segment, so that damage
+    /// to the record's beginning does not leave the rest without a unit.
     fn segment(
         &mut self,
         begin: Command,
@@ -222,6 +228,7 @@ impl<'b> Session<'b> {
         blocks: u64,
         signal: &mut Excitation,
     ) -> Result<(), Error> {
+        self.greet()?;
         self.acquire(SETTLING_BLOCKS, signal)?;
         self.send(&begin)?;
         self.acquire(blocks, signal)?;
@@ -387,22 +394,24 @@ impl Tables<'_> {
     ) -> Result<f64, Error> {
         let (mut squares, mut count) = (0.0, 0.0);
         for segment in segments {
-            let difference_v = segment?.half_difference_v();
-            squares += difference_v
+            let difference = segment?.half_difference();
+            squares += difference
                 .ok_or_else(|| self.bad("has segments cut short"))?
                 .powi(2);
             count += 1.0;
         }
-        Ok(FRONT_END.divider * (0.25 * squares / f64::max(count, 1.0)).sqrt())
+        Ok(self.output_v_per_code()? * (0.25 * squares / f64::max(count, 1.0)).sqrt())
     }
 
-    /// Mean output of a segment, V before the divider.
+    /// The instrument's output per code of its channel, V.
+    fn output_v_per_code(&self) -> Result<f64, Error> {
+        let at_converter = self.reduction.volts_per_code(0);
+        Ok(FRONT_END.divider * at_converter.map_err(|error| self.bad(error))?)
+    }
+
+    /// Mean output of a segment, V.
     fn mean_v(&self, sums: &SegmentSums) -> Result<f64, Error> {
-        let at_converter = self
-            .reduction
-            .volts_per_code(0)
-            .map_err(|error| self.bad(error))?;
-        Ok(FRONT_END.divider * at_converter * sums.moments.mean()[0])
+        Ok(self.output_v_per_code()? * sums.moments.mean()[0])
     }
 
     fn reading(&self, order: usize) -> Result<Reading, Error> {
@@ -428,8 +437,9 @@ impl Tables<'_> {
         let during = self.plateau(number, Plateau::During)?;
         let duration_s = plateau_s(self.conditions.sample_rate_hz);
         let (drift, drift_sigma) = during
-            .drift_v_per_s(duration_s)
+            .drift_per_s(duration_s)
             .map_err(|error| self.bad(error))?;
+        let scale = self.output_v_per_code()?;
         let a0_g = shake.a0.map(|a| a * self.conditions.local_gravity_g);
         Ok(Run {
             run: number as u64,
@@ -446,8 +456,8 @@ impl Tables<'_> {
                 during_v: self.mean_v(during)?,
                 after_v: self.mean_v(self.plateau(number, Plateau::After)?)?,
                 sigma_v: self.plateau_sigma_v,
-                drift_v_per_s: FRONT_END.divider * drift,
-                drift_sigma_v_per_s: FRONT_END.divider * drift_sigma,
+                drift_v_per_s: scale * drift,
+                drift_sigma_v_per_s: scale * drift_sigma,
                 extremes: None,
             }),
             reference: Some(self.reference(shake, during)?),

@@ -7,6 +7,7 @@ use shared::identify::closed_form;
 use shared::identify::static_test::{Bench, Fit, Reading, StaticTest, workspace_len};
 use shared::model::{Coefficients, NOMINAL};
 use shared::tumble::{PAPER_ANGLES_DEG, Position, Series, within_a_turn};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::campaign::{self, Campaign};
 use crate::error::Error;
@@ -77,6 +78,8 @@ pub struct Identification {
     pub chi2: Option<f64>,
     /// Degrees of freedom of chi2.
     pub dof: usize,
+    /// Probability of a chi2 at least as large if the stated uncertainties hold.
+    pub chi2_p_value: Option<f64>,
     /// Standard deviation about zero stated beforehand for every coefficient but K1, if one was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prior_sigma: Option<f64>,
@@ -148,6 +151,7 @@ impl Identification {
             blind_directions: blind_directions.collect(),
             chi2: Some(fit.chi2),
             dof: fit.degrees_of_freedom(),
+            chi2_p_value: p_value(fit),
             prior_sigma,
             residuals_g: residuals_g(campaign, &fit.coefficients),
             model: fit.coefficients,
@@ -218,6 +222,30 @@ pub fn fit(
             "static.csv does not determine the coefficients: {error}"
         ))
     })
+}
+
+/// Probability of a chi-square at least as large as that of a fit, if the stated uncertainties hold; none without degrees
+/// of freedom.
+pub fn p_value(fit: &Fit<f64>) -> Option<f64> {
+    let distribution = ChiSquared::new(fit.degrees_of_freedom() as f64).ok()?;
+    Some(distribution.sf(fit.chi2))
+}
+
+/// A chi-square less likely than this, on either side, is told.
+pub const SUSPICIOUS: f64 = 1e-3;
+
+/// What an improbable chi-square of static readings means, if it is improbable.
+pub fn scatter_warning(p_value: Option<f64>) -> Option<&'static str> {
+    match p_value? {
+        p if p < SUSPICIOUS => Some(
+            "WARNING: the static readings scatter more than the uncertainties stated in campaign.toml allow; those of the \
+             coefficients, and of what they predict, are too small.",
+        ),
+        p if p > 1.0 - SUSPICIOUS => Some(
+            "WARNING: the static readings scatter less than stated in campaign.toml; the uncertainties are too large.",
+        ),
+        _ => None,
+    }
 }
 
 /// The bench of the campaign in radians.
@@ -326,7 +354,7 @@ fn closed_form_identification(campaign: &Campaign) -> Result<Identification, Err
         readings: NOMINAL - 1,
     };
     let mut identification = Identification::new(campaign, Method::ClosedForm, &fit, None);
-    identification.chi2 = None;
+    (identification.chi2, identification.chi2_p_value) = (None, None);
     Ok(identification)
 }
 

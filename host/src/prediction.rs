@@ -13,7 +13,7 @@ use shared::vibration::{Harmonic, Moments};
 use crate::campaign::{Campaign, Run, VibrationKind};
 use crate::error::Error;
 use crate::finite_record::unseen_variance_g2;
-use crate::identification::fit;
+use crate::identification::{fit, p_value};
 use crate::quantity::Quantity;
 
 /// Standard deviation about zero that a prediction takes for each coefficient but K1 (in its own unit) when the static
@@ -41,6 +41,8 @@ pub struct Prediction {
     /// Prior standard deviation of the coefficients, if the static plan needed one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prior_sigma: Option<f64>,
+    /// Probability of the static readings' chi-square, if the stated uncertainties hold.
+    pub static_chi2_p_value: Option<f64>,
     /// One entry a run, in the order of the table.
     pub runs: Vec<PredictedRun>,
 }
@@ -99,6 +101,7 @@ pub fn predict(
         measured_vre_g: measured_vre_g(run, &from_static.coefficients),
     });
     Ok(Prediction {
+        static_chi2_p_value: p_value(&from_static),
         format: "vre-prediction/1",
         serial: campaign.config.instrument.serial.clone(),
         prior_sigma,

@@ -19,8 +19,8 @@ pub enum ReductionError {
     /// A segment is too short for an uncertainty.
     #[error("{0}")]
     Slope(#[from] SlopeError),
-    /// Blocks came before any identity: their codes have no unit.
-    #[error("blocks came before the instrument said who it is")]
+    /// The instrument never said who it is: its codes have no unit.
+    #[error("the instrument never says who it is, so that its codes have no unit")]
     NoIdentity,
     /// Two instruments speak in one record.
     #[error("the events are of two different instruments")]
@@ -51,7 +51,7 @@ pub struct SegmentSums {
     pub moments: Moments<f64>,
     /// Blocks that had samples.
     blocks: u64,
-    /// The instrument's output block by block, V, by quarters of the blocks expected.
+    /// Mean code of the instrument's channel block by block, by quarters of the blocks expected.
     quarters: [Trace; 4],
 }
 
@@ -106,9 +106,8 @@ impl Reduction {
         if block.count == 0 {
             return Ok(());
         }
-        let scale = self.volts_per_code(0)?;
         let moments = Moments::<f64>::from_block(block)?;
-        let output_v = scale * moments.mean()[0];
+        let mean = moments.mean()[0];
         let segment = match self.segments.entry(key) {
             std::collections::btree_map::Entry::Occupied(known) => {
                 let segment = known.into_mut();
@@ -123,7 +122,7 @@ impl Reduction {
         };
         let quarter = (4 * segment.blocks).checked_div(expected);
         if let Some(trace) = quarter.and_then(|q| segment.quarters.get_mut(q as usize)) {
-            trace.push(output_v)?;
+            trace.push(mean)?;
         }
         segment.blocks += 1;
         Ok(())
@@ -156,19 +155,19 @@ impl Reduction {
 }
 
 impl SegmentSums {
-    /// Mean output of the second half less that of the first, V; its variance over segments at rest is four times that
+    /// Mean code of the instrument's channel in the second half less that in the first; its variance over segments at rest is four times that
     /// of a segment's mean, whatever is slower than white noise included. `None` of a segment that ended too early.
-    pub fn half_difference_v(&self) -> Option<f64> {
+    pub fn half_difference(&self) -> Option<f64> {
         let [a, b, c, d] = &self.quarters;
         Some(0.5 * (c.mean()? + d.mean()? - a.mean()? - b.mean()?))
     }
 
-    /// (Level at the end - level at the start) / duration, and its standard uncertainty, V/s: from the lines fitted to the
+    /// (Level at the end - level at the start) / duration, and its standard uncertainty, codes/s: from the lines fitted to the
     /// integrals of the first and the last quarter, which keep the vibration out. `duration_s` is that of the segment.
     ///
     /// # Errors
     /// [`SlopeError::TooShort`].
-    pub fn drift_v_per_s(&self, duration_s: f64) -> Result<(f64, f64), SlopeError> {
+    pub fn drift_per_s(&self, duration_s: f64) -> Result<(f64, f64), SlopeError> {
         let [first, .., last] = &self.quarters;
         let (first, last) = (
             first.line_fit_estimate(first.count())?,

@@ -488,7 +488,7 @@ fn a_table_too_large_for_a_campaign_is_refused_after_a_bounded_read() {
     });
     assert_eq!(
         complaint(folder.path()),
-        "static.csv: has more than 100000 rows"
+        "static.csv, row 4098, column order: is one of more than 4096 readings"
     );
     let folder = edited("static.csv", |table| {
         (table + "1,\"" + &"never ending ".repeat(200_000)).into_bytes()

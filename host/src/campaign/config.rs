@@ -11,6 +11,8 @@ use crate::output::write_file;
 
 const FORMAT: &str = "vre-campaign/1";
 const MAX_BYTES: u64 = 1 << 20;
+/// Smaller than what any dial's angle is known to; 0 says that an angle is exact.
+const SMALLEST_SIGMA_ARCSEC: f64 = 1e-6;
 
 /// The content of `campaign.toml`. Keys that mean nothing to us are kept and written back.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -230,6 +232,10 @@ impl CampaignConfig {
             }
             if !(low..=high).contains(&value) {
                 return fail(key, Problem::OutOfRange { value, low, high });
+            }
+            if key.ends_with("_arcsec") && value > 0.0 && value < SMALLEST_SIGMA_ARCSEC {
+                let problem = format!("{value} is neither 0 nor at least {SMALLEST_SIGMA_ARCSEC}");
+                return fail(key, problem.into());
             }
         }
         Ok(())

@@ -74,8 +74,12 @@ impl Campaign {
         fs::create_dir_all(folder).map_err(Error::write(folder))?;
         self.config.write(&folder.join("campaign.toml"))?;
         static_table::write(&folder.join("static.csv"), &self.readings)?;
+        let vibration = folder.join("vibration.csv");
         if !self.runs.is_empty() {
-            write_runs(&folder.join("vibration.csv"), &self.runs)?;
+            write_runs(&vibration, &self.runs)?;
+        } else if vibration.exists() {
+            // The table of another campaign must not pass for this one's.
+            fs::remove_file(&vibration).map_err(Error::write(&vibration))?;
         }
         Ok(())
     }

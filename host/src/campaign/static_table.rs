@@ -1,9 +1,10 @@
 //! `static.csv`: one row per reading at a dial position.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use shared::model::SpecificForce;
-use shared::tumble::{Position, Series};
+use shared::tumble::{Position, Series, within_a_turn};
 
 use super::config::CampaignConfig;
 
@@ -80,8 +81,8 @@ pub struct Reading {
 /// that of series and angles.
 const DIRECTION_TOLERANCE: f64 = 1e-4;
 
-/// The stated specific force may differ from 1 g in length by this much: gravity on Earth does by less.
-const LENGTH_TOLERANCE_G: f64 = 0.05;
+/// Greatest difference between the length of the stated specific force and local gravity, g.
+const LENGTH_TOLERANCE_G: f64 = 1e-4;
 
 /// Reads and checks `static.csv`.
 pub(super) fn read(file: &Path, config: &CampaignConfig) -> Result<Vec<Reading>, Error> {
@@ -92,13 +93,57 @@ pub(super) fn read(file: &Path, config: &CampaignConfig) -> Result<Vec<Reading>,
     let mut table = Table::open(file, &required)?;
     let mut instrument = OneInstrument::new(config);
     let mut readings = Vec::new();
+    let mut limits = Limits::default();
     while let Some(row) = table.next_row()? {
         let order = instrument.check_row(&row, "order")?;
-        let reading = reading(&row, order)?;
+        let reading = reading(&row, order, config)?;
         instrument.check_output(&row, "u_v", reading.output_v, reading.specific_force_g.i)?;
+        limits.check(&row, &reading)?;
         readings.push(reading);
     }
     Ok(readings)
+}
+
+/// Most dial marks of a campaign: each is an unknown of its own.
+const MAX_MARKS: usize = 1024;
+/// Most pairs of series and mount, likewise.
+const MAX_MOUNTS: usize = 64;
+
+/// Keeps a static test to a size that a bench can produce and a fit can bear.
+#[derive(Default)]
+struct Limits {
+    readings: usize,
+    marks: HashSet<u64>,
+    mounts: HashSet<(Series, u64)>,
+}
+
+impl Limits {
+    fn check(&mut self, row: &Row<'_>, reading: &Reading) -> Result<(), Error> {
+        self.readings += 1;
+        self.marks.insert(within_a_turn(reading.dial_deg).to_bits());
+        self.mounts
+            .insert((reading.series, reading.mount_deg.to_bits()));
+        for (count, most, column, what) in [
+            (self.readings, MAX_POSITIONS, "order", "readings"),
+            (
+                self.marks.len(),
+                MAX_MARKS,
+                "dial_deg",
+                "different dial angles",
+            ),
+            (
+                self.mounts.len(),
+                MAX_MOUNTS,
+                "mount_deg",
+                "pairs of series and mount",
+            ),
+        ] {
+            if count > most {
+                return Err(row.error(column, format!("is one of more than {most} {what}")));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Most positions of a plan: what is weighed against every candidate stays quick.
@@ -132,7 +177,7 @@ fn position(row: &Row<'_>) -> Result<Position, Error> {
     })
 }
 
-fn reading(row: &Row<'_>, order: u64) -> Result<Reading, Error> {
+fn reading(row: &Row<'_>, order: u64, config: &CampaignConfig) -> Result<Reading, Error> {
     let [i, p, o] = row.numbers(FORCE)?;
     let Position {
         series,
@@ -148,20 +193,22 @@ fn reading(row: &Row<'_>, order: u64) -> Result<Reading, Error> {
         approach: row.one_of("approach", &APPROACHES, "an approach: cw or ccw")?,
         specific_force_g: SpecificForce::new(i, p, o),
         temp_c: row.within("temp_c", -273.15, 1000.0)?,
-        output_v: row.number("u_v")?,
-        sigma_v: row.positive("sigma_v")?,
+        output_v: row.voltage("u_v")?,
+        sigma_v: row.sigma("sigma_v")?,
         unknown: row.unknown(&COLUMNS),
     };
-    check_geometry(row, &reading)?;
+    check_geometry(row, &reading, config.bench.local_gravity_g)?;
     Ok(reading)
 }
 
 /// The stated specific force must be what gravity is at this series and angle.
-fn check_geometry(row: &Row<'_>, reading: &Reading) -> Result<(), Error> {
+fn check_geometry(row: &Row<'_>, reading: &Reading, local_gravity_g: f64) -> Result<(), Error> {
     let stated = reading.specific_force_g;
     let length_g = stated.length();
-    if (length_g - 1.0).abs() > LENGTH_TOLERANCE_G {
-        let problem = format!("the specific force is {length_g} g long, not about 1 g");
+    if (length_g - local_gravity_g).abs() > LENGTH_TOLERANCE_G {
+        let problem = format!(
+            "the specific force is {length_g} g long, local gravity in campaign.toml {local_gravity_g} g"
+        );
         return Err(row.error(FORCE[0], problem));
     }
     let instrument_deg = reading.dial_deg + reading.mount_deg;

@@ -15,6 +15,11 @@ pub const MAX_ROWS: u64 = 100_000;
 /// Most bytes that one row may have, so that a file without line ends does not fill the memory.
 pub const MAX_ROW_BYTES: usize = 1 << 20;
 
+/// Largest voltage that is taken for an output.
+const MAX_VOLTAGE_V: f64 = 1e6;
+/// Smallest standard uncertainty of a voltage, far below any converter's.
+const MIN_SIGMA_V: f64 = 1e-15;
+
 /// An open table.
 pub(super) struct Table {
     file: PathBuf,
@@ -153,6 +158,17 @@ impl Row<'_> {
             return Err(self.error(column, Problem::NotFinite(text.into())));
         }
         Ok(value)
+    }
+
+    /// A voltage that an instrument can give.
+    pub(super) fn voltage(&self, column: &str) -> Result<f64, Error> {
+        self.within(column, -MAX_VOLTAGE_V, MAX_VOLTAGE_V)
+    }
+
+    /// A standard uncertainty of a voltage, V: positive, and not so small that its square vanishes.
+    pub(super) fn sigma(&self, column: &str) -> Result<f64, Error> {
+        self.positive(column)?;
+        self.within(column, MIN_SIGMA_V, MAX_VOLTAGE_V)
     }
 
     /// Three finite numbers.

@@ -97,6 +97,9 @@ pub struct ReferenceMoments {
     pub correlation: Option<[f64; 3]>,
 }
 
+/// Largest skewness or kurtosis that is taken for a record's.
+const MAX_SHAPE: f64 = 1e4;
+
 const DIRECTION: [&str; 3] = ["dir_i", "dir_p", "dir_o"];
 const GRAVITY: [&str; 3] = ["a0_i_g", "a0_p_g", "a0_o_g"];
 const OUTPUT: [&str; 8] = [
@@ -241,10 +244,10 @@ fn measured(row: &Row<'_>) -> Result<Option<Measured>, Error> {
         return Ok(None);
     }
     Ok(Some(Measured {
-        before_v: row.number(before)?,
-        during_v: row.number(during)?,
-        after_v: row.number(after)?,
-        sigma_v: row.positive(sigma)?,
+        before_v: row.voltage(before)?,
+        during_v: row.voltage(during)?,
+        after_v: row.voltage(after)?,
+        sigma_v: row.sigma(sigma)?,
         drift_v_per_s: row.number(drift)?,
         drift_sigma_v_per_s: row.positive(drift_sigma)?,
         extremes: extremes(row, minimum, maximum)?,
@@ -256,8 +259,8 @@ fn extremes(row: &Row<'_>, minimum: &str, maximum: &str) -> Result<Option<Extrem
         return Ok(None);
     }
     let extremes = Extremes {
-        minimum_v: row.number(minimum)?,
-        maximum_v: row.number(maximum)?,
+        minimum_v: row.voltage(minimum)?,
+        maximum_v: row.voltage(maximum)?,
     };
     if extremes.maximum_v < extremes.minimum_v {
         let problem = format!(
@@ -289,8 +292,8 @@ fn reference(row: &Row<'_>) -> Result<Option<ReferenceMoments>, Error> {
     }
     Ok(Some(ReferenceMoments {
         rms_g: each_within(row, RMS, 0.0, 1e6)?,
-        skewness: row.numbers(SKEWNESS)?,
-        kurtosis: each_within(row, KURTOSIS, 0.0, f64::MAX)?,
+        skewness: each_within(row, SKEWNESS, -MAX_SHAPE, MAX_SHAPE)?,
+        kurtosis: each_within(row, KURTOSIS, 0.0, MAX_SHAPE)?,
         correlation,
     }))
 }

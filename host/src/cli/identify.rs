@@ -8,7 +8,9 @@ use shared::model::NOMINAL;
 use super::{Command, Console};
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{Identification, MEANINGS, Method, NAMES, identify};
+use crate::identification::{
+    Identification, MEANINGS, Method, NAMES, identify, scatter_warning,
+};
 
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]
@@ -46,6 +48,9 @@ fn text(found: &Identification) -> String {
     let _ = writeln!(text, "rank {} of {NOMINAL}, {}", found.rank, condition(found.condition));
     if let Some(chi2) = found.chi2 {
         let _ = writeln!(text, "chi-square {chi2:.1} at {} degrees of freedom", found.dof);
+        if let Some(warning) = scatter_warning(found.chi2_p_value) {
+            let _ = writeln!(text, "{warning}");
+        }
     }
     for direction in &found.blind_directions {
         let parts: Vec<_> = direction.iter().map(|(name, c)| format!("{c:+.4} {name}")).collect();

@@ -1,7 +1,7 @@
 //! The command line: one file a command, each a thin layer over the library.
 //!
-//! A command is a `clap::Args` struct with a [`Command`] implementation in a module of its own, and one
-//! line in [`commands!`].
+//! A command is a `clap::Args` struct with a `Command` implementation in a module of its own, and one line in
+//! `commands!`.
 
 mod console;
 

@@ -37,22 +37,22 @@ pub struct Plan {
     #[arg(long, value_name = "I,P,O", default_value = "1,0,0", value_parser = direction, allow_hyphen_values = true)]
     direction: [f64; 3],
     /// Systematic specific force on IA during the vibration, g
-    #[arg(long, value_name = "G", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "G", default_value = "0", value_parser = specific_force, allow_negative_numbers = true)]
     a0: f64,
     /// Standard uncertainty of a dial mark, arcsec [default: the campaign's, or 5.8, a limit of +-10]
-    #[arg(long, value_name = "ARCSEC", value_parser = not_negative)]
+    #[arg(long, value_name = "ARCSEC", value_parser = angle_sigma)]
     dial_sigma: Option<f64>,
     /// Standard uncertainty of the base's level, arcsec [default: the campaign's, or that of the dial]
-    #[arg(long, value_name = "ARCSEC", value_parser = not_negative)]
+    #[arg(long, value_name = "ARCSEC", value_parser = angle_sigma)]
     level_sigma: Option<f64>,
     /// Repeatability of a setting, arcsec [default: the campaign's, or 1]
-    #[arg(long, value_name = "ARCSEC", value_parser = not_negative)]
+    #[arg(long, value_name = "ARCSEC", value_parser = angle_sigma)]
     repeat_sigma: Option<f64>,
     /// Standard uncertainty of a remounting angle, arcsec [default: the campaign's, or 60]
-    #[arg(long, value_name = "ARCSEC", value_parser = not_negative)]
+    #[arg(long, value_name = "ARCSEC", value_parser = angle_sigma)]
     mount_sigma: Option<f64>,
     /// Standard uncertainty of one reading from noise alone, g [default: the campaign's mean, or 1.5e-6]
-    #[arg(long, value_name = "G", value_parser = positive)]
+    #[arg(long, value_name = "G", value_parser = noise)]
     noise: Option<f64>,
     /// Standard deviation about zero of every coefficient but K1, for what the plan is blind to
     #[arg(long, value_name = "SIGMA", default_value_t = DEFAULT_PRIOR_SIGMA, value_parser = positive)]
@@ -61,6 +61,9 @@ pub struct Plan {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(11..=400))]
     best: Option<u16>,
 }
+
+/// Strongest vibration that is thought of, g.
+const MAX_LEVEL_G: f64 = 1e6;
 
 #[derive(Clone)]
 struct Vibration {
@@ -78,13 +81,18 @@ impl FromStr for Vibration {
             "random" => false,
             _ => return Err("the kind is neither sine nor random".into()),
         };
-        Ok(Self { text: text.into(), sine, level_g: positive(level)? })
+        let level_g = positive(level)?;
+        if level_g > MAX_LEVEL_G {
+            return Err("the level is beyond 1e6 g".into());
+        }
+        Ok(Self { text: text.into(), sine, level_g })
     }
 }
 
 fn direction(text: &str) -> Result<[f64; 3], String> {
-    let parts: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
-    let &[i, p, o] = parts.as_slice() else {
+    let parts: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let Some(&[i, p, o]) = parts.as_deref() else {
         return Err("is not three numbers with commas between".into());
     };
     let length = (i * i + p * p + o * o).sqrt();
@@ -94,10 +102,27 @@ fn direction(text: &str) -> Result<[f64; 3], String> {
     Ok([i / length, p / length, o / length])
 }
 
-fn not_negative(text: &str) -> Result<f64, String> {
+/// An angle's standard uncertainty, arcsec: 0, or what an angle can be known to, up to 10 deg.
+fn angle_sigma(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
-        _ => Err("is not a finite number, zero or greater".into()),
+        Ok(angle) if angle == 0.0 || (1e-6..=36_000.0).contains(&angle) => Ok(angle),
+        _ => Err("is neither 0 nor a number from 1e-6 to 36000".into()),
+    }
+}
+
+/// A specific force, g.
+fn specific_force(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(force) if force.abs() <= MAX_LEVEL_G => Ok(force),
+        _ => Err("is not a number from -1e6 to 1e6".into()),
+    }
+}
+
+/// The noise of a reading, g.
+fn noise(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(noise) if (1e-15..=1.0).contains(&noise) => Ok(noise),
+        _ => Err("is not a number from 1e-15 to 1".into()),
     }
 }
 

@@ -7,6 +7,7 @@ use super::{Command, Console};
 use crate::campaign::{Campaign, Run, read_runs};
 use crate::diagnose::{Diagnosis, predict_with_effects};
 use crate::error::Error;
+use crate::identification::scatter_warning;
 use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
 use crate::report;
 
@@ -62,6 +63,9 @@ impl Command for Predict {
 
 fn text(prediction: &Prediction, runs: &[Run], stated: bool) -> String {
     let mut text = report::text::runs(prediction, runs);
+    if let Some(warning) = scatter_warning(prediction.static_chi2_p_value) {
+        let _ = writeln!(text, "\n{warning}");
+    }
     if let (Some(sigma), false) = (prediction.prior_sigma, stated) {
         let _ = writeln!(
             text,

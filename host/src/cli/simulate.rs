@@ -13,6 +13,7 @@ use crate::campaign::write_runs;
 use crate::error::Error;
 use crate::seal;
 
+const TRUTH: &str = "truth.json";
 const NONE: &str = "none";
 const SEALED: &str = "sealed";
 
@@ -66,13 +67,17 @@ impl Command for Simulate {
         let drawn = ids.iter().enumerate().filter_map(draw).collect();
         let specification = Specification::with_dial_sigma(self.dial_sigma);
         let simulation = VirtualBench::new(seed, self.plan, specification, drawn).simulate();
+        let stale = self.out.join(TRUTH);
+        if stale.exists() {
+            std::fs::remove_file(&stale).map_err(Error::write(&stale))?;
+        }
         simulation.campaign.write(&self.out)?;
         write_runs(&self.out.join("holdout.csv"), &simulation.holdout)?;
         let truth = if sealed {
             seal::seal(&self.out, &simulation.truth)?;
             "the sealed truth in label.sealed"
         } else {
-            crate::output::write_json(&self.out.join("truth.json"), &simulation.truth)?;
+            crate::output::write_json(&self.out.join(TRUTH), &simulation.truth)?;
             "the truth in truth.json"
         };
         console.print(format!(

@@ -62,6 +62,12 @@ impl<T: Real> Design<T> {
         self.positions += 1;
     }
 
+    /// Whether any position so far has a specific force along IA, beyond rounding: without, nothing tells the scale
+    /// factor even if all other coefficients were known.
+    pub fn sees_input_axis(&self) -> bool {
+        self.factor.row(0)[0].abs() > T::lit(1e-6)
+    }
+
     /// Rank, condition and directions of all positions so far.
     pub fn visibility(&self) -> Visibility<T> {
         let (triangle, _) = self.factor.trailing::<NOMINAL>();

@@ -120,7 +120,8 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> TriangularFactor<T, S> {
             let kept = &mut self.storage.as_mut()[start..start + n - k + 1];
             let new = &mut row[k..];
             let a = kept[0];
-            let length = (a * a + b * b).sqrt();
+            // Squares of very small numbers vanish: hypot keeps them.
+            let length = a.hypot(b);
             let (cos, sin) = (a / length, b / length);
             kept[0] = length;
             for (r, x) in kept[1..].iter_mut().zip(&mut new[1..]) {

@@ -289,7 +289,7 @@ impl<'a, T: Real> StaticTest<'a, T> {
     /// [`Coefficients::to_nominal`] (the first, for K1, is not used), `None` for no prior.
     ///
     /// # Errors
-    /// [`FactorError::Undetermined`] if fewer readings than the rank of the plan have come, or none.
+    /// [`FactorError::Undetermined`] if the readings do not determine the scale factor, or none have come.
     pub fn solve(&self, prior_sigma: Option<&[T; NOMINAL]>) -> Result<Fit<T>, FactorError> {
         let visibility = self.design.visibility();
         let (triangle, rhs) = self.common.trailing::<NOMINAL>();
@@ -319,6 +319,14 @@ impl<'a, T: Real> StaticTest<'a, T> {
                 row[NOMINAL] = T::zero();
                 factor.absorb(&mut row);
             }
+        }
+        // Everything is divided by K1: where the readings leave it to rounding there is no answer.
+        let sees_scale = match prior_sigma {
+            None => visibility.determines(0),
+            Some(_) => self.design.sees_input_axis(),
+        };
+        if !sees_scale {
+            return Err(FactorError::Undetermined { unknown: 0 });
         }
         let mut x = [T::zero(); NOMINAL];
         factor.solve(0, &mut x)?;
@@ -463,7 +471,7 @@ impl<'a, T: Real> StaticTest<'a, T> {
     fn rotate_into_mark(&mut self, mark: usize, at_mark: T) {
         let width = MARK_HEAD + self.row.len();
         let kept = &mut self.mark_rows[mark * width + 1..(mark + 1) * width];
-        let length = (kept[0] * kept[0] + at_mark * at_mark).sqrt();
+        let length = kept[0].hypot(at_mark);
         let (cos, sin) = (kept[0] / length, at_mark / length);
         kept[0] = length;
         for (r, x) in kept[1..].iter_mut().zip(self.row.iter_mut()) {
