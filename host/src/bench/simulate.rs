@@ -23,6 +23,13 @@ use crate::campaign::{
 const BEFORE_TO_DURING_S: f64 = 20.0;
 /// From the centre of the plateau before a vibration to that of the plateau after it, s.
 const BEFORE_TO_AFTER_S: f64 = 40.0;
+/// Steps of a recorded voltage in 1 V. The last bits of a computed number differ from one processor to another; what
+/// is recorded must not.
+const VOLTAGE_STEPS: f64 = 1e10;
+/// Steps of a recorded drift in 1 V/s.
+const DRIFT_STEPS: f64 = 1e13;
+/// Steps of the reference's rms values in 1 g, and of its moments in 1.
+const REFERENCE_STEPS: f64 = 1e9;
 
 /// How good the parts of a bench are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -284,7 +291,7 @@ impl VirtualBench {
             approach: dwell.approach,
             specific_force_g: SpecificForce::new(i, p, o),
             temp_c: self.room.temp_c(time_s),
-            output_v: scale_v_per_g * output_g,
+            output_v: recorded(scale_v_per_g * output_g, VOLTAGE_STEPS),
             sigma_v: scale_v_per_g * self.specification.noise_g,
             unknown: Vec::new(),
         }
@@ -348,20 +355,26 @@ impl VirtualBench {
 
         let mut noise = self.seed.stream("run", number as u64);
         let scale_v_per_g = self.accelerometer.coefficients.scale_factor_v_per_g;
-        let mut measured =
+        let mut noisy =
             |value_g: f64, sigma_g: f64| scale_v_per_g * (value_g + sigma_g * noise.normal());
+        let mut voltage = |value_g, sigma_g| recorded(noisy(value_g, sigma_g), VOLTAGE_STEPS);
         let peak_sigma = |peak_g: f64| specification.peak_rel_sigma * (peak_g - before_g).abs();
+        let before_v = voltage(before_g, specification.noise_g);
+        let during_v = voltage(during_g, specification.noise_g);
+        let after_v = voltage(after_g, specification.noise_g);
+        let extremes = Extremes {
+            minimum_v: voltage(during.minimum_g, peak_sigma(during.minimum_g)),
+            maximum_v: voltage(during.maximum_g, peak_sigma(during.maximum_g)),
+        };
+        let drift_v_per_s = noisy(drift_g_per_s, specification.drift_noise_g_per_s);
         let measured = Measured {
-            before_v: measured(before_g, specification.noise_g),
-            during_v: measured(during_g, specification.noise_g),
-            after_v: measured(after_g, specification.noise_g),
+            before_v,
+            during_v,
+            after_v,
             sigma_v: scale_v_per_g * specification.noise_g,
-            drift_v_per_s: measured(drift_g_per_s, specification.drift_noise_g_per_s),
+            drift_v_per_s: recorded(drift_v_per_s, DRIFT_STEPS),
             drift_sigma_v_per_s: scale_v_per_g * specification.drift_noise_g_per_s,
-            extremes: Some(Extremes {
-                minimum_v: measured(during.minimum_g, peak_sigma(during.minimum_g)),
-                maximum_v: measured(during.maximum_g, peak_sigma(during.maximum_g)),
-            }),
+            extremes: Some(extremes),
         };
         let mut stream = self.seed.stream("reference", number as u64);
         let seen = reference::look(&motion, specification.reference_rms_rel_sigma, &mut stream);
@@ -377,9 +390,13 @@ impl VirtualBench {
             duration_s: DURATION_S,
             measured: Some(measured),
             reference: Some(ReferenceMoments {
-                rms_g: seen.rms_g,
-                skewness: seen.skewness,
-                kurtosis: seen.kurtosis,
+                rms_g: seen.rms_g.map(|rms_g| recorded(rms_g, REFERENCE_STEPS)),
+                skewness: seen
+                    .skewness
+                    .map(|moment| recorded(moment, REFERENCE_STEPS)),
+                kurtosis: seen
+                    .kurtosis
+                    .map(|moment| recorded(moment, REFERENCE_STEPS)),
                 correlation: Some(seen.correlation),
             }),
             unknown: Vec::new(),
@@ -405,6 +422,11 @@ impl VirtualBench {
             .map(|effect| effect.plateau_error_g(&plateau, &mut stream))
             .sum()
     }
+}
+
+/// The nearest of so many `steps` in 1; zero has no sign.
+fn recorded(value: f64, steps: f64) -> f64 {
+    (value * steps).round() / steps + 0.0
 }
 
 /// What a run does to the instrument.
@@ -461,6 +483,22 @@ mod tests {
         };
         assert_eq!(write(11), write(11));
         assert_ne!(write(11)[1], write(12)[1]);
+    }
+
+    #[test]
+    fn what_is_recorded_carries_no_last_bits_of_the_processor() {
+        for (shake, run, _) in errors(&bench(4, Vec::new())) {
+            let seen = run.reference.unwrap();
+            if shake.kind == VibrationKind::Sine {
+                assert_eq!(seen.skewness, [0.0; 3]);
+                let kurtosis = shake.direction.map(|n| if n == 0.0 { 0.0 } else { 1.5 });
+                assert_eq!(seen.kurtosis, kurtosis);
+            }
+            if let Some(before_v) = run.measured.map(|measured| measured.before_v) {
+                let digits = format!("{before_v:.10}").parse();
+                assert_eq!(digits, Ok(before_v));
+            }
+        }
     }
 
     #[test]

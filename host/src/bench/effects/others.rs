@@ -73,10 +73,10 @@ pub const ENTRIES: &[Entry] = &[
     },
 ];
 
-/// The gas film at the proof mass is squeezed as the mass moves and its resistance grows with the cube of the
-/// gap's reciprocal: a force in proportion to the velocity times the deflection squared, which to this order
-/// does not average out when the deflection has a constant part under gravity a0. The residual motion is the
-/// vibration behind a second-order high-pass (two integrations that the loop leaves undone).
+/// The gas film between proof mass and magnet is compressed as the mass moves, faster than it can escape above a
+/// corner frequency: it becomes a spring, and one that stiffens with the cube of the gap's change. Of the force
+/// k (x0 + x)^3 with the constant part x0 in proportion to the force on IA, the mixed term x0 x^2 does not average
+/// out. The motion x is the vibration behind a second-order high-pass, the film's own.
 struct GasDamping {
     coefficient_per_g2: f64,
     corner_hz: f64,
