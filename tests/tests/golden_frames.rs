@@ -2,6 +2,8 @@
 //! wrong: instruments in the field and records on disk speak these bytes. A new message gets a new line; no line is ever
 //! changed while `version::MINIMUM` is at its version.
 
+use shared::identify::static_test::Bench;
+use shared::self_check::{Outcome, SetUp, Verdict, Verdicts};
 use shared::wire::framing::{Frame, Packet};
 use shared::wire::message::{
     Approach, Block, Coefficients, Command, Event, Fault, Identity, Moments, Parameter, Plateau,
@@ -35,6 +37,17 @@ fn commands() -> Vec<(&'static str, Command)> {
         ],
         fifth_order_per_g4: 7e-6,
     };
+    let set_up = SetUp {
+        bench: Bench {
+            dial_sigma_rad: 2.8e-5,
+            dial_repeat_sigma_rad: 1e-6,
+            mount_sigma_rad: 3e-4,
+            level_sigma_rad: 5e-6,
+            local_gravity_g: 0.998,
+        },
+        nominal_v_per_g: 0.12,
+        reference_v_per_g: Some([0.1, 0.2, 0.3]),
+    };
     vec![
         (
             "command-hello",
@@ -52,6 +65,8 @@ fn commands() -> Vec<(&'static str, Command)> {
             Command::SetCoefficients(coefficients),
         ),
         ("command-ask-state", Command::AskState),
+        ("command-begin-check", Command::BeginCheck(set_up)),
+        ("command-conclude", Command::Conclude),
     ]
 }
 
@@ -193,6 +208,29 @@ fn events() -> Vec<(&'static str, Event<'static>)> {
                 fault,
             },
         )
+    }));
+    let outcome = Outcome {
+        readings: 80,
+        rank: 11,
+        coefficients: [
+            1.25, 1e-4, -6e-4, 4e-4, 3e-4, -5e-5, 4e-4, -6e-4, -5e-5, 3e-6, 5e-5,
+        ],
+        sigma: [1e-6; 11],
+        chi2: 68.5,
+        degrees_of_freedom: 69,
+        noise_g: 1.5e-6,
+        reference_g: 0.0,
+        lost: 3,
+        verdicts: Verdicts(Verdict::Blind as u16 | Verdict::Changed as u16),
+    };
+    events.push(("event-check", Event::Check(outcome)));
+    let later = [
+        ("refused-no-check", Refusal::NoCheck),
+        ("refused-set-up", Refusal::Parameter(Parameter::SetUp)),
+    ];
+    events.extend(later.map(|(name, reason)| {
+        let sequence = 9;
+        (name, Event::Refused { sequence, reason })
     }));
     events
 }
