@@ -3,7 +3,7 @@
 //!
 //! Within a segment the uncertainty is that of [`shared::slope`]. Of several segments (files of one family)
 //! the scatter between them counts as well: the mean of each side has the larger of the two variances.
-//! A shift that something else explains is never called a vibration error ([`rival`]).
+//! A shift that something else explains is never called a vibration error (`rival.rs`).
 
 mod frames;
 mod quantisation;
