@@ -120,8 +120,11 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> TriangularFactor<T, S> {
             let kept = &mut self.storage.as_mut()[start..start + n - k + 1];
             let new = &mut row[k..];
             let a = kept[0];
-            // Squares of very small numbers vanish: hypot keeps them.
-            let length = a.hypot(b);
+            // Not hypot: a square root is the same on every processor, to the last bit.
+            let length = (a * a + b * b).sqrt();
+            if length == T::zero() {
+                continue; // Too small for its square, and so for any answer.
+            }
             let (cos, sin) = (a / length, b / length);
             kept[0] = length;
             for (r, x) in kept[1..].iter_mut().zip(&mut new[1..]) {

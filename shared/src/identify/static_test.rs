@@ -471,7 +471,7 @@ impl<'a, T: Real> StaticTest<'a, T> {
     fn rotate_into_mark(&mut self, mark: usize, at_mark: T) {
         let width = MARK_HEAD + self.row.len();
         let kept = &mut self.mark_rows[mark * width + 1..(mark + 1) * width];
-        let length = kept[0].hypot(at_mark);
+        let length = (kept[0] * kept[0] + at_mark * at_mark).sqrt();
         let (cos, sin) = (kept[0] / length, at_mark / length);
         kept[0] = length;
         for (r, x) in kept[1..].iter_mut().zip(self.row.iter_mut()) {
