@@ -128,7 +128,7 @@ const fn common_unknowns(mounts: usize) -> usize {
 }
 
 /// The number of numbers that a static test with up to `marks` dial marks and `mounts` pairs of series and mount
-/// needs as work space: 1 022 for 24 marks and 6 mounts.
+/// needs as work space: 775 for 24 marks and 6 mounts.
 pub const fn workspace_len(marks: usize, mounts: usize) -> usize {
     let common = common_unknowns(mounts);
     marks * (MARK_HEAD + common + 1) + mounts * MOUNT_KEY + (common + 1) + storage_len(common)
