@@ -6,10 +6,13 @@
 //! frame are counted.
 
 use heapless::Deque;
+use shared::compensate::Compensator;
 use shared::self_check::Outcome;
+use shared::wire::configuration::Configuration;
 use shared::wire::framing::{Deframer, Frame, FrameError};
 use shared::wire::message::{
-    Coefficients, Command, Event, Identity, Parameter, Position, Refusal, Segment,
+    CHANNELS, Coefficients, Command, Event, Identity, Parameter, Position, Refusal, Segment,
+    StoreFault,
 };
 use shared::wire::version;
 
@@ -22,6 +25,35 @@ const REPLIES: usize = 8;
 /// Codes on either side of zero.
 const HALF_RANGE: f64 = 8_388_608.0;
 
+/// What the memory is to hold from now on, `None` for nothing, as the command of that number says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Keep {
+    /// Sequence number of the command's frame.
+    pub sequence: u16,
+    /// What to write.
+    pub configuration: Option<Configuration>,
+}
+
+/// What is known of the memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Kept {
+    /// How often it has been written; 0 when nothing is kept.
+    pub writes: u32,
+    /// Why what is kept is not what was told last.
+    pub fault: Option<StoreFault>,
+}
+
+/// The way of an order to the memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Keeping {
+    /// Nothing to do.
+    Idle,
+    /// To be fetched.
+    Asked(Keep),
+    /// Under way, for the command of that number.
+    Begun(u16),
+}
+
 /// The state of the conversation with the host.
 pub struct App<'q> {
     identity: Identity,
@@ -31,6 +63,9 @@ pub struct App<'q> {
     greeted: bool,
     open: Segment,
     coefficients: Option<Coefficients>,
+    configuration: Option<Configuration>,
+    kept: Kept,
+    keeping: Keeping,
     sequence: u16,
     rejected_frames: u32,
     dropped_replies: u32,
@@ -50,6 +85,9 @@ impl<'q> App<'q> {
             greeted: false,
             open: Segment::Idle,
             coefficients: None,
+            configuration: None,
+            kept: Kept::default(),
+            keeping: Keeping::Idle,
             sequence: 0,
             rejected_frames: 0,
             dropped_replies: 0,
@@ -66,7 +104,45 @@ impl<'q> App<'q> {
         }
     }
 
-    /// The coefficients that the host has set.
+    /// The same with what the memory held when power came on; the acquisition is to be told as well.
+    pub fn with_kept(self, configuration: Option<Configuration>, kept: Kept) -> Self {
+        Self {
+            coefficients: configuration
+                .and_then(|known| known.calibration)
+                .map(|known| known.coefficients),
+            configuration,
+            kept,
+            ..self
+        }
+    }
+
+    /// What is to be written to the memory next; [`Self::stored`] ends it.
+    pub fn keep(&mut self) -> Option<Keep> {
+        let Keeping::Asked(keep) = self.keeping else {
+            return None;
+        };
+        self.keeping = Keeping::Begun(keep.sequence);
+        Some(keep)
+    }
+
+    /// The memory was written, or not.
+    pub fn stored(&mut self, kept: Kept) {
+        self.kept = kept;
+        if let Keeping::Begun(sequence) = core::mem::replace(&mut self.keeping, Keeping::Idle) {
+            self.reply_stored(sequence);
+        }
+    }
+
+    fn reply_stored(&mut self, sequence: u16) {
+        let Kept { writes, fault } = self.kept;
+        self.reply(Event::Stored {
+            sequence,
+            writes,
+            fault,
+        });
+    }
+
+    /// The coefficients that the host has set or the memory held.
     pub fn coefficients(&self) -> Option<&Coefficients> {
         self.coefficients.as_ref()
     }
@@ -110,6 +186,9 @@ impl<'q> App<'q> {
                         }
                         frame.encode(&Event::Block(block), self.sequence)
                     }
+                    Report::Compensated(block) => {
+                        frame.encode(&Event::Compensated(block), self.sequence)
+                    }
                     Report::Fault { sample, fault } => {
                         if let Some(check) = &mut self.check {
                             check.fault();
@@ -122,7 +201,7 @@ impl<'q> App<'q> {
                         state,
                     } => {
                         if let Some(mut state) = state {
-                            state.compensating = self.coefficients.is_some();
+                            state.compensating = self.compensates();
                             state.rejected_frames = self.rejected_frames;
                             state.dropped_frames =
                                 state.dropped_frames.saturating_add(self.dropped_replies);
@@ -130,7 +209,7 @@ impl<'q> App<'q> {
                         }
                         if self.closing == Some(sequence) {
                             self.closing = None;
-                            let v_per_code = self.v_per_code();
+                            let v_per_code = v_per_code(&self.identity);
                             if let Some(check) = &mut self.check {
                                 check.close(v_per_code);
                             }
@@ -210,8 +289,27 @@ impl<'q> App<'q> {
             Command::SetCoefficients(coefficients) => {
                 // The zero codes change with them, and blocks of one segment must agree in those.
                 self.nothing_open()?;
-                self.zero_codes(coefficients).map(Action::Zero)
+                let zero = self.zero_codes(coefficients)?;
+                // A compensator has zero codes of its own.
+                Ok(if self.compensates() {
+                    Action::Mark
+                } else {
+                    Action::Zero(zero)
+                })
             }
+            Command::Configure(configuration) => {
+                self.nothing_open()?;
+                self.memory_is_free()?;
+                let compensator = self.compensator(configuration)?;
+                let block_samples = configuration.compensation.block_samples;
+                Ok(Action::Compensate(block_samples, compensator))
+            }
+            Command::EraseConfiguration => {
+                self.nothing_open()?;
+                self.memory_is_free()?;
+                Ok(Action::Compensate(self.identity.block_samples, None))
+            }
+            Command::AskConfiguration => Ok(Action::Mark),
             Command::Hello { .. } => Ok(Action::Mark),
             Command::AskState => Ok(Action::State),
             Command::BeginCheck(_) if self.check.is_none() => Err(Refusal::NoCheck),
@@ -236,12 +334,6 @@ impl<'q> App<'q> {
 
     fn outcome(&self) -> Option<Outcome> {
         self.check.as_ref()?.conclude(self.coefficients.as_ref())
-    }
-
-    /// Volts of one code of each channel.
-    fn v_per_code(&self) -> [f64; 4] {
-        let gains = self.identity.gains;
-        gains.map(|gain| self.identity.reference_v / f64::from(gain) / HALF_RANGE)
     }
 
     /// Remembers a command whose order was given.
@@ -272,7 +364,50 @@ impl<'q> App<'q> {
                     self.reply(Event::Check(outcome));
                 }
             }
+            Command::Configure(configuration) => self.configure(sequence, Some(configuration)),
+            Command::EraseConfiguration => self.configure(sequence, None),
+            Command::AskConfiguration => {
+                self.reply(Event::Configuration(self.configuration));
+                self.reply_stored(sequence);
+            }
             Command::StreamRaw { .. } | Command::AskState => {}
+        }
+    }
+
+    fn configure(&mut self, sequence: u16, configuration: Option<Configuration>) {
+        self.configuration = configuration;
+        let calibration = configuration.and_then(|known| known.calibration);
+        self.coefficients = calibration.map(|known| known.coefficients);
+        self.keeping = Keeping::Asked(Keep {
+            sequence,
+            configuration,
+        });
+    }
+
+    fn compensates(&self) -> bool {
+        let mode = self.configuration.and_then(|c| c.compensation.mode);
+        mode.is_some()
+    }
+
+    fn memory_is_free(&self) -> Result<(), Refusal> {
+        match self.keeping {
+            Keeping::Idle => Ok(()),
+            Keeping::Asked(_) | Keeping::Begun(_) => Err(Refusal::Busy),
+        }
+    }
+
+    /// The compensator of a configuration that can be.
+    fn compensator(
+        &self,
+        configuration: &Configuration,
+    ) -> Result<Option<Compensator<f32>>, Refusal> {
+        let compensator = configuration.compensator(v_per_code(&self.identity));
+        let within = |code: i32| f64::from(code).abs() < HALF_RANGE;
+        let mut zeros = compensator.iter().flat_map(|with| with.zero());
+        if configuration.is_possible() && zeros.all(within) {
+            Ok(compensator)
+        } else {
+            Err(Refusal::Parameter(Parameter::Configuration))
         }
     }
 
@@ -284,18 +419,22 @@ impl<'q> App<'q> {
     }
 
     /// Codes of zero specific force: the instrument's K1 k0, and the middle of the reference's range.
-    fn zero_codes(&self, coefficients: &Coefficients) -> Result<[i32; 4], Refusal> {
+    fn zero_codes(&self, coefficients: &Coefficients) -> Result<[i32; CHANNELS], Refusal> {
         let [scale_factor_v_per_g, bias_g, ..] = coefficients.nominal;
-        let finite = coefficients.nominal.iter().all(|c| c.is_finite())
-            && coefficients.fifth_order_per_g4.is_finite();
         let gain = f64::from(self.identity.gains[0]);
         let zero = scale_factor_v_per_g * bias_g * gain / self.identity.reference_v * HALF_RANGE;
-        if finite && scale_factor_v_per_g > 0.0 && zero.abs() < HALF_RANGE {
+        if coefficients.is_possible() && zero.abs() < HALF_RANGE {
             Ok([zero as i32, 0, 0, 0])
         } else {
             Err(Refusal::Parameter(Parameter::Coefficients))
         }
     }
+}
+
+/// Volts of one code of each channel.
+pub fn v_per_code(identity: &Identity) -> [f64; CHANNELS] {
+    let gains = identity.gains;
+    gains.map(|gain| identity.reference_v / f64::from(gain) / HALF_RANGE)
 }
 
 fn check_position(position: &Position) -> Result<(), Refusal> {

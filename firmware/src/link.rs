@@ -5,8 +5,9 @@
 //! converter, blocks and raw samples are dropped, and counted exactly; answers to orders always have room.
 
 use heapless::spsc::{Consumer, Producer, Queue};
+use shared::compensate::Compensator;
 use shared::wire::message::{
-    self, Block, CHANNELS, Fault, MAX_RAW_SAMPLES, SAMPLE, Segment, State,
+    self, Block, CHANNELS, CompensatedBlock, Fault, MAX_RAW_SAMPLES, SAMPLE, Segment, State,
 };
 
 /// Samples in a full raw frame.
@@ -21,7 +22,7 @@ pub const MAX_ORDERS: usize = 4;
 const REPORT_SLOTS: usize = 16;
 
 /// What the acquisition is told; carried out between two conversions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
     /// Sequence number of the command's frame.
     pub sequence: u16,
@@ -30,7 +31,7 @@ pub struct Order {
 }
 
 /// What an [`Order`] asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// Nothing but the answer, which tells the index of the next sample.
     Mark,
@@ -40,6 +41,8 @@ pub enum Action {
     Stream(bool),
     /// The codes of zero specific force from the next block on.
     Zero([i32; CHANNELS]),
+    /// Blocks of that many conversions from here on, freed of vibration error if there is a compensator.
+    Compensate(u16, Option<Compensator<f32>>),
     /// Report the counters.
     State,
 }
@@ -58,6 +61,8 @@ pub enum Report {
     },
     /// A block was closed.
     Block(Block),
+    /// The same block freed of vibration error.
+    Compensated(CompensatedBlock),
     /// Consecutive samples.
     Raw(RawSamples),
     /// Something went wrong.
@@ -75,7 +80,8 @@ impl Report {
         match self {
             Self::Block(block) => u64::from(block.count),
             Self::Raw(raw) => raw.count() as u64,
-            Self::Done { .. } | Self::Fault { .. } => 0,
+            // Its samples are those of the block before.
+            Self::Compensated(_) | Self::Done { .. } | Self::Fault { .. } => 0,
         }
     }
 }

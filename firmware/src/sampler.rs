@@ -8,8 +8,9 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiDevice;
+use shared::compensate::{Compensator, CompensatorState};
 use shared::moments::Accumulator;
-use shared::wire::message::{Block, CHANNELS, Fault, Moments, Segment, State};
+use shared::wire::message::{Block, CHANNELS, CompensatedBlock, Fault, Moments, Segment, State};
 
 use crate::adc::count::Timers;
 use crate::adc::{self, Ads131m04, Conversion, Reset};
@@ -56,6 +57,9 @@ pub struct Sampler<'q> {
     first_sample: u64,
     count: u32,
     lost: u32,
+    compensator: Option<Compensator<f32>>,
+    /// What compensation gathers of the open block.
+    compensation: CompensatorState<f32>,
     /// The raw frame that is open, while streaming.
     raw: Option<RawSamples>,
     streaming: bool,
@@ -81,6 +85,8 @@ impl<'q> Sampler<'q> {
             first_sample: 0,
             count: 0,
             lost: 0,
+            compensator: None,
+            compensation: CompensatorState::new(),
             raw: None,
             streaming: false,
             next: 0,
@@ -90,6 +96,21 @@ impl<'q> Sampler<'q> {
             last_fault: None,
             trouble: None,
         }
+    }
+
+    /// Closes the open block; from here on there are blocks of that many conversions, freed of vibration error by
+    /// `compensator`.
+    pub fn compensate(&mut self, block_samples: u16, compensator: Option<Compensator<f32>>) {
+        self.close_block();
+        self.block_samples = u32::from(block_samples.max(1));
+        self.compensator = compensator;
+        self.compensation = CompensatorState::new();
+        self.set_zero(compensator.map_or([0; CHANNELS], |with| with.zero()));
+    }
+
+    fn set_zero(&mut self, zero: [i32; CHANNELS]) {
+        self.zero = zero;
+        self.accumulator = Accumulator::new(zero);
     }
 
     /// Takes a conversion; those between it and the one before were lost.
@@ -102,6 +123,9 @@ impl<'q> Sampler<'q> {
         self.count += 1;
         // A block is far shorter than what an accumulator holds.
         let _ = self.accumulator.push(conversion.codes);
+        if let Some(compensator) = &self.compensator {
+            self.compensation.push(compensator, conversion.codes);
+        }
         if self.streaming {
             self.stream(conversion);
         }
@@ -158,8 +182,10 @@ impl<'q> Sampler<'q> {
                 }
                 Action::Zero(zero) => {
                     self.close_block();
-                    self.zero = zero;
-                    self.accumulator = Accumulator::new(zero);
+                    self.set_zero(zero);
+                }
+                Action::Compensate(block_samples, compensator) => {
+                    self.compensate(block_samples, compensator);
                 }
                 Action::State => state = Some(self.state(clock_us)),
             }
@@ -201,6 +227,7 @@ impl<'q> Sampler<'q> {
             self.close_raw();
             let gap32 = u32::try_from(gap).unwrap_or(u32::MAX);
             self.lost = self.lost.saturating_add(gap32);
+            self.compensation.interrupt();
             self.next = index;
         }
     }
@@ -212,21 +239,39 @@ impl<'q> Sampler<'q> {
     }
 
     fn close_block(&mut self) {
+        let Self {
+            segment,
+            first_sample,
+            count,
+            lost,
+            ..
+        } = *self;
         // The counts have not overflowed, so there are moments unless all were lost.
-        let moments = match self.accumulator.close() {
-            Ok(Some(moments)) => moments.to_wire(),
-            _ => Moments {
+        let moments = self.accumulator.close().ok().flatten();
+        if count > 0 || lost > 0 {
+            let none = Moments {
                 zero: self.zero,
                 ..Moments::default()
-            },
-        };
-        if self.count > 0 || self.lost > 0 {
+            };
             self.link.offer(Report::Block(Block {
-                segment: self.segment,
-                first_sample: self.first_sample,
-                count: self.count,
-                lost: self.lost,
-                moments,
+                segment,
+                first_sample,
+                count,
+                lost,
+                moments: moments.map_or(none, |moments| moments.to_wire()),
+            }));
+        }
+        if let (Some(compensator), Some(moments)) = (&self.compensator, moments) {
+            let freed = self.compensation.close(compensator, &moments);
+            self.link.offer(Report::Compensated(CompensatedBlock {
+                segment,
+                first_sample,
+                count,
+                lost,
+                specific_force_g: freed.specific_force_g,
+                vre_g: freed.vre_g,
+                vre_sigma_g: freed.vre_sigma_g,
+                quality: freed.quality,
             }));
         }
         self.first_sample = self.next;

@@ -12,6 +12,8 @@
 //! [`Compensator`] is what does not change from sample to sample, [`CompensatorState`] what does. `f32` is enough:
 //! the correction is small, and the mean comes from an integer sum.
 
+use serde::{Deserialize, Serialize};
+
 use crate::model::{Coefficients, NOMINAL, SpecificForce};
 use crate::moments::{CHANNELS, Moments};
 use crate::rectification::Sensitivity;
@@ -19,7 +21,7 @@ use crate::scalar::Real;
 use crate::vibration::{self, AbsoluteMean};
 
 /// Where the vibration's moments come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Source {
     /// The triaxial reference accelerometer, channels 1 to 3.
     #[default]
@@ -29,7 +31,7 @@ pub enum Source {
 }
 
 /// How the block's mean is freed of vibration error.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mode {
     /// By the block's moments.
     #[default]
@@ -39,7 +41,7 @@ pub enum Mode {
 }
 
 /// What a compensated block is worth, as bits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Quality(pub u8);
 
 impl Quality {
@@ -106,8 +108,8 @@ pub struct Compensator<T> {
 /// A compensated block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensated<T> {
-    /// Mean specific force on IA, g.
-    pub specific_force_g: T,
+    /// Mean specific force on IA, g; wider than the hot path, since only the small corrections need no more.
+    pub specific_force_g: f64,
     /// The vibration error that was taken out, g.
     pub vre_g: T,
     /// Its standard uncertainty from the coefficients' covariance, g.
@@ -212,11 +214,11 @@ impl<T: Real> Compensator<T> {
         if lost {
             quality |= Quality::REFERENCE_LOST;
         }
-        let mean_code = moments.sum()[0] as f64 / moments.count() as f64;
-        let mean_g = T::lit(mean_code * self.g_per_code);
+        let output_g = moments.sum()[0] as f64 / moments.count() as f64 * self.g_per_code;
+        let mean_g = T::lit(output_g);
         let Some(calibration) = &self.calibration else {
             return Compensated {
-                specific_force_g: mean_g,
+                specific_force_g: output_g,
                 vre_g: T::zero(),
                 vre_sigma_g: T::infinity(),
                 quality: Quality(quality | Quality::COEFFICIENTS_MISSING),
@@ -247,26 +249,26 @@ impl<T: Real> Compensator<T> {
         let c = &calibration.coefficients;
         let mut a = SpecificForce::new(mean_g, transverse[0], transverse[1]);
         let mut sensitivity = sensitivity(a.i, &vibration);
+        // What is to be taken from the output, so that a.i = mean_g - removed_g.
+        let mut removed_g = T::zero();
         let mut correction = T::zero();
         for _ in 0..STEPS {
             sensitivity = self::sensitivity(a.i, &vibration);
-            let excess = c.error_g(a) + (a.i - mean_g) + sensitivity.vre_g(c);
+            let excess = c.error_g(a) + sensitivity.vre_g(c) - removed_g;
             correction = excess / c.gradient(a).i;
-            a.i -= correction;
+            removed_g += correction;
+            a.i = mean_g - removed_g;
         }
         let settled = correction.abs() <= T::epsilon() * T::lit(16.0) * (T::one() + a.i.abs());
         if !settled {
             quality |= Quality::NO_SOLUTION;
         }
         let vre_g = sensitivity.vre_g(c);
-        let specific_force_g = match self.mode {
-            Mode::Pointwise if state.count > 0 => {
-                mean_g - state.removed_g / T::from_i64(i64::from(state.count))
-            }
-            _ => a.i,
-        };
+        if self.mode == Mode::Pointwise && state.count > 0 {
+            removed_g = state.removed_g / T::from_i64(i64::from(state.count));
+        }
         Compensated {
-            specific_force_g,
+            specific_force_g: output_g - removed_g.to_f64(),
             vre_g,
             vre_sigma_g: sensitivity
                 .variance_g2(&calibration.covariance)

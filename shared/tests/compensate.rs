@@ -173,7 +173,7 @@ fn compensate(compensator: &Compensator<f32>, codes: &[[i32; 4]]) -> Vec<Compens
 }
 
 fn mean(blocks: &[Compensated<f32>]) -> f64 {
-    let sum: f64 = blocks.iter().map(|b| f64::from(b.specific_force_g)).sum();
+    let sum: f64 = blocks.iter().map(|b| b.specific_force_g).sum();
     sum / blocks.len() as f64
 }
 
@@ -308,7 +308,7 @@ fn a_change_of_level_is_followed_within_two_blocks() {
     // 200 Hz: two whole periods a block, so that every block means the same a0.
     for (n, block) in blocks.iter().enumerate() {
         if !(10..12).contains(&n) {
-            let error = f64::from(block.specific_force_g) - a0.i;
+            let error = block.specific_force_g - a0.i;
             let allowed = f64::from(block.vre_g.abs()) / 20.0 + 1e-6;
             assert!(error.abs() < allowed, "block {n}: {error:e}");
         }

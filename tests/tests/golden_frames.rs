@@ -2,12 +2,14 @@
 //! wrong: instruments in the field and records on disk speak these bytes. A new message gets a new line; no line is ever
 //! changed while `version::MINIMUM` is at its version.
 
+use shared::compensate::{Mode, Quality, Source};
 use shared::identify::static_test::Bench;
 use shared::self_check::{Outcome, SetUp, Verdict, Verdicts};
+use shared::wire::configuration::{Calibration, Compensation, Configuration};
 use shared::wire::framing::{Frame, Packet};
 use shared::wire::message::{
-    Approach, Block, Coefficients, Command, Event, Fault, Identity, Moments, Parameter, Plateau,
-    Position, Raw, Refusal, Run, Segment, State,
+    Approach, Block, Coefficients, Command, CompensatedBlock, Event, Fault, Identity, Moments,
+    Parameter, Plateau, Position, Raw, Refusal, Run, Segment, State, StoreFault,
 };
 use shared::wire::version::Version;
 
@@ -30,13 +32,37 @@ const RUN: Run = Run {
     plateau: Plateau::During,
 };
 
+const COEFFICIENTS: Coefficients = Coefficients {
+    nominal: [
+        1.25, 1e-4, -6e-4, 4e-4, 3e-4, -5e-5, 4e-4, -6e-4, -5e-5, 3e-6, 5e-5,
+    ],
+    fifth_order_per_g4: 7e-6,
+};
+
+const COMPENSATION: Compensation = Compensation {
+    mode: Some(Mode::Pointwise),
+    source: Source::Instrument,
+    block_samples: 400,
+    nominal_v_per_g: 0.12,
+    reference_v_per_g: [0.1, -0.2, 0.3],
+    reference_zero_v: [0.0, 1e-3, -2e-3],
+};
+
+/// Every number of the covariance another one.
+fn configuration() -> Configuration {
+    let covariance =
+        std::array::from_fn(|j| std::array::from_fn(|k| (1 + j * 11 + k) as f32 * 1e-12));
+    Configuration {
+        compensation: COMPENSATION,
+        calibration: Some(Calibration {
+            coefficients: COEFFICIENTS,
+            covariance,
+            rank: 10,
+        }),
+    }
+}
+
 fn commands() -> Vec<(&'static str, Command)> {
-    let coefficients = Coefficients {
-        nominal: [
-            1.25, 1e-4, -6e-4, 4e-4, 3e-4, -5e-5, 4e-4, -6e-4, -5e-5, 3e-6, 5e-5,
-        ],
-        fifth_order_per_g4: 7e-6,
-    };
     let set_up = SetUp {
         bench: Bench {
             dial_sigma_rad: 2.8e-5,
@@ -62,11 +88,14 @@ fn commands() -> Vec<(&'static str, Command)> {
         ("command-stream-raw", Command::StreamRaw { on: true }),
         (
             "command-set-coefficients",
-            Command::SetCoefficients(coefficients),
+            Command::SetCoefficients(COEFFICIENTS),
         ),
         ("command-ask-state", Command::AskState),
         ("command-begin-check", Command::BeginCheck(set_up)),
         ("command-conclude", Command::Conclude),
+        ("command-configure", Command::Configure(configuration())),
+        ("command-erase-configuration", Command::EraseConfiguration),
+        ("command-ask-configuration", Command::AskConfiguration),
     ]
 }
 
@@ -232,7 +261,58 @@ fn events() -> Vec<(&'static str, Event<'static>)> {
         let sequence = 9;
         (name, Event::Refused { sequence, reason })
     }));
+    events.extend(compensation_events());
     events
+}
+
+fn compensation_events() -> Vec<(&'static str, Event<'static>)> {
+    let block = CompensatedBlock {
+        segment: Segment::Idle,
+        first_sample: 1 << 40,
+        count: 39,
+        lost: 1,
+        specific_force_g: -0.999_999_9,
+        vre_g: 1e-4,
+        vre_sigma_g: f32::INFINITY,
+        quality: Quality(Quality::COEFFICIENTS_MISSING | Quality::OUT_OF_BAND),
+    };
+    let without = Configuration {
+        compensation: Compensation {
+            mode: None,
+            ..COMPENSATION
+        },
+        calibration: None,
+    };
+    let stored = |writes, fault| Event::Stored {
+        sequence: 513,
+        writes,
+        fault,
+    };
+    let refused = Refusal::Parameter(Parameter::Configuration);
+    vec![
+        ("event-compensated", Event::Compensated(block)),
+        (
+            "event-configuration",
+            Event::Configuration(Some(configuration())),
+        ),
+        (
+            "event-configuration-off",
+            Event::Configuration(Some(without)),
+        ),
+        ("event-no-configuration", Event::Configuration(None)),
+        ("event-stored", stored(3, None)),
+        ("stored-flash", stored(0, Some(StoreFault::Flash))),
+        ("stored-verify", stored(70_000, Some(StoreFault::Verify))),
+        ("stored-corrupt", stored(0, Some(StoreFault::Corrupt))),
+        ("stored-version", stored(0, Some(StoreFault::Version))),
+        (
+            "refused-configuration",
+            Event::Refused {
+                sequence: 9,
+                reason: refused,
+            },
+        ),
+    ]
 }
 
 /// The frozen bytes of a message.

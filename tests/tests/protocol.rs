@@ -2,13 +2,15 @@
 //! does not fit on the line is counted exactly.
 
 use firmware::adc::Conversion;
-use firmware::app::App;
+use firmware::app::{App, Keep, Kept};
 use firmware::link::{MAX_ORDERS, Queues, RAW_SAMPLES};
 use firmware::sampler::Sampler;
+use shared::compensate::{Mode, Source};
+use shared::wire::configuration::{Calibration, Compensation, Configuration};
 use shared::wire::framing::{Frame, Packet};
 use shared::wire::message::{
     Approach, Coefficients, Command, Event, Identity, Parameter, Plateau, Position, Refusal, Run,
-    Segment, State,
+    Segment, State, StoreFault,
 };
 use shared::wire::version::{self, Version};
 
@@ -125,6 +127,17 @@ impl<'q> Instrument<'q> {
                 Event::Fault { sample, fault } => Said::Event(Event::Fault { sample, fault }),
                 Event::Check(outcome) => Said::Event(Event::Check(outcome)),
                 Event::CheckBegun(set_up) => Said::Event(Event::CheckBegun(set_up)),
+                Event::Compensated(block) => Said::Event(Event::Compensated(block)),
+                Event::Configuration(known) => Said::Event(Event::Configuration(known)),
+                Event::Stored {
+                    sequence,
+                    writes,
+                    fault,
+                } => Said::Event(Event::Stored {
+                    sequence,
+                    writes,
+                    fault,
+                }),
             });
         }
         said
@@ -295,7 +308,7 @@ fn the_modulus_is_about_the_zero_code_of_the_coefficients() {
     let mut queues = Queues::new();
     let mut instrument = Instrument::greeted(&mut queues);
     instrument.ask(Command::SetCoefficients(coefficients()));
-    assert!(instrument.state().compensating);
+    assert!(!instrument.state().compensating);
     instrument.convert(40);
     let said = instrument.listen();
     let [Said::Event(Event::Block(block))] = said.as_slice() else {
@@ -308,6 +321,117 @@ fn the_modulus_is_about_the_zero_code_of_the_coefficients() {
         .map(|n| (codes(n)[0] - zero).unsigned_abs() as u64)
         .sum();
     assert_eq!(block.moments.modulus[0], modulus);
+}
+
+fn configuration() -> Configuration {
+    Configuration {
+        compensation: Compensation {
+            mode: Some(Mode::Block),
+            source: Source::Reference,
+            block_samples: 8,
+            nominal_v_per_g: 0.1,
+            reference_v_per_g: [0.1; 3],
+            reference_zero_v: [0.0; 3],
+        },
+        calibration: Some(Calibration {
+            coefficients: coefficients(),
+            covariance: [[0.0; 11]; 6],
+            rank: 11,
+        }),
+    }
+}
+
+#[test]
+fn a_configuration_holds_from_the_next_sample_on_is_kept_and_is_read_back() {
+    let mut queues = Queues::new();
+    let mut instrument = Instrument::greeted(&mut queues);
+    instrument.convert(5);
+    let command = Command::Configure(configuration());
+    let said = instrument.ask(command);
+    assert!(said.contains(&instrument.ack(5)), "{said:?}");
+    let sequence = instrument.sequence - 1;
+    assert!(instrument.state().compensating);
+
+    // The memory is busy until it says how it went.
+    let keep = Keep {
+        sequence,
+        configuration: Some(configuration()),
+    };
+    assert_eq!(instrument.app.keep(), Some(keep));
+    assert_eq!(instrument.app.keep(), None);
+    let said = instrument.ask(command);
+    assert_eq!(said, [instrument.refused(Refusal::Busy)]);
+    let kept = Kept {
+        writes: 4,
+        fault: Some(StoreFault::Verify),
+    };
+    instrument.app.stored(kept);
+    let stored = |sequence| {
+        Said::Event(Event::Stored {
+            sequence,
+            writes: kept.writes,
+            fault: kept.fault,
+        })
+    };
+    assert_eq!(instrument.listen(), [stored(sequence)]);
+
+    instrument.convert(8);
+    let said = instrument.listen();
+    let [
+        Said::Event(Event::Block(block)),
+        Said::Event(Event::Compensated(freed)),
+    ] = said.as_slice()
+    else {
+        panic!("{said:?}");
+    };
+    assert_eq!((freed.first_sample, freed.count), (5, 8));
+    assert_eq!((block.first_sample, block.count), (5, 8));
+    // No vibration to speak of: the mean less the bias.
+    let volts = block.moments.sum[0] as f64 / 8.0 * 1.2 / 8_388_608.0;
+    assert!((freed.specific_force_g - (volts / 0.1 - 0.003)).abs() < 1e-7);
+
+    let said = instrument.ask(Command::AskConfiguration);
+    let asked = instrument.sequence - 1;
+    let known = Said::Event(Event::Configuration(Some(configuration())));
+    assert_eq!(said, [known, stored(asked), instrument.ack(13)]);
+
+    instrument.ask(Command::EraseConfiguration);
+    assert_eq!(
+        instrument.app.keep().map(|keep| keep.configuration),
+        Some(None)
+    );
+    assert!(!instrument.state().compensating);
+    assert_eq!(instrument.app.coefficients(), None);
+}
+
+#[test]
+fn a_configuration_that_cannot_be_is_refused_and_changes_nothing() {
+    let mut queues = Queues::new();
+    let mut instrument = Instrument::greeted(&mut queues);
+    let spoilt: [fn(&mut Configuration, &mut Calibration); 8] = [
+        |c, _| c.compensation.block_samples = 3,
+        |c, _| c.compensation.nominal_v_per_g = 0.0,
+        |c, _| c.compensation.reference_v_per_g[1] = 0.0,
+        |c, _| c.compensation.reference_zero_v[2] = f32::NAN,
+        // Zero specific force beyond the converter's range.
+        |c, _| c.compensation.reference_zero_v[2] = 1.3,
+        |_, k| k.rank = 12,
+        |_, k| k.covariance[5][10] = -1.0,
+        |_, k| k.coefficients.nominal[0] = 0.0,
+    ];
+    for spoil in spoilt {
+        let mut wrong = configuration();
+        let mut calibration = wrong.calibration.expect("one");
+        spoil(&mut wrong, &mut calibration);
+        wrong.calibration = Some(calibration);
+        let said = instrument.ask(Command::Configure(wrong));
+        let refusal = Refusal::Parameter(Parameter::Configuration);
+        assert_eq!(said, [instrument.refused(refusal)]);
+        assert_eq!(instrument.app.keep(), None);
+    }
+    instrument.ask(Command::StartRun(RUN));
+    let said = instrument.ask(Command::Configure(configuration()));
+    assert_eq!(said, [instrument.refused(Refusal::Open(Segment::Run(RUN)))]);
 }
 
 #[test]

@@ -68,8 +68,12 @@ impl Line {
                 match packet.expect("sound").message().expect("an event") {
                     Event::Block(block) => heard.blocks.push(block),
                     Event::Fault { fault, .. } => heard.faults.push(fault),
-                    Event::Check(_) | Event::CheckBegun(_) => {
-                        panic!("nobody asked for a self-check")
+                    event @ (Event::Check(_)
+                    | Event::CheckBegun(_)
+                    | Event::Compensated(_)
+                    | Event::Configuration(_)
+                    | Event::Stored { .. }) => {
+                        panic!("nobody asked for {event:?}")
                     }
                     Event::Raw(raw) => heard.raw_samples += raw.samples().len() as u64,
                     Event::State(state) => heard.state = Some(state),

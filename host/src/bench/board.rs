@@ -18,7 +18,7 @@ use embedded_hal_async::spi::SpiDevice;
 use firmware::adc::count::Timers;
 use firmware::adc::registers::{Gain, REFERENCE_V};
 use firmware::adc::{Ads131m04, Reset};
-use firmware::app::App;
+use firmware::app::{App, Kept};
 use firmware::check::Check;
 use firmware::link::Queues;
 use firmware::sampler::{Acquisition, Sampler};
@@ -374,6 +374,13 @@ impl VirtualBoard {
             frame,
             ..
         } = self;
+        // The memory of this board is the application's own: it is never without power.
+        if let Some(keep) = app.keep() {
+            app.stored(Kept {
+                writes: u32::from(keep.configuration.is_some()),
+                fault: None,
+            });
+        }
         let mut line = Line { app, frame };
         let mut context = Context::from_waker(Waker::noop());
         let mut steps = pin!(async {

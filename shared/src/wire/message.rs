@@ -7,7 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::configuration::Configuration;
 use super::version::Version;
+use crate::compensate::Quality;
 use crate::self_check::{Outcome, SetUp};
 
 /// Simultaneous channels of the converter: 0 the instrument, 1 to 3 the reference's I, P and O.
@@ -41,7 +43,8 @@ pub enum Command {
         /// True to send.
         on: bool,
     },
-    /// The coefficients to compensate with.
+    /// The coefficients that the self-check compares with and that zero codes come from, until power is lost or
+    /// [`Self::Configure`] brings others.
     SetCoefficients(Coefficients),
     /// Answered by [`Event::State`].
     AskState,
@@ -49,6 +52,12 @@ pub enum Command {
     BeginCheck(SetUp),
     /// Ends the self-check and asks for its outcome, [`Event::Check`].
     Conclude,
+    /// Compensate like this from now on, and keep it; [`Event::Stored`] tells when it is kept.
+    Configure(Configuration),
+    /// Compensate no longer, and keep nothing; [`Event::Stored`] tells when nothing is kept any more.
+    EraseConfiguration,
+    /// Answered by [`Event::Configuration`].
+    AskConfiguration,
 }
 
 /// What the instrument says.
@@ -88,6 +97,19 @@ pub enum Event<'a> {
     Check(Outcome),
     /// A self-check begins, with this; answers [`Command::BeginCheck`].
     CheckBegun(SetUp),
+    /// A block freed of vibration error.
+    Compensated(CompensatedBlock),
+    /// How it compensates; answers [`Command::AskConfiguration`].
+    Configuration(Option<Configuration>),
+    /// The memory was written, or not.
+    Stored {
+        /// Sequence number of the command's frame.
+        sequence: u16,
+        /// How often it has been written; 0 when nothing is kept.
+        writes: u32,
+        /// Why what is kept is not what the command says.
+        fault: Option<StoreFault>,
+    },
 }
 
 /// The sense in which the dial came to its mark.
@@ -142,6 +164,14 @@ pub struct Coefficients {
     /// k5, 1/g^4.
     #[doc(alias = "k5")]
     pub fifth_order_per_g4: f64,
+}
+
+impl Coefficients {
+    /// True when they are finite and the scale factor is positive.
+    pub fn is_possible(&self) -> bool {
+        let finite = self.nominal.iter().all(|c| c.is_finite());
+        finite && self.fifth_order_per_g4.is_finite() && self.nominal[0] > 0.0
+    }
 }
 
 /// Who the instrument is and how its codes become volts: `code * reference_v / gain / 2^23`.
@@ -214,6 +244,27 @@ pub struct Moments {
     pub zero: [i32; CHANNELS],
     /// Sum of the codes' distances from [`Self::zero`].
     pub modulus: [u64; CHANNELS],
+}
+
+/// Specific force over the samples `first_sample .. first_sample + count + lost`, freed of vibration error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CompensatedBlock {
+    /// What the samples belong to.
+    pub segment: Segment,
+    /// Index of the block's first sample.
+    pub first_sample: u64,
+    /// Samples that it is the mean of.
+    pub count: u32,
+    /// Conversions of this stretch that were lost.
+    pub lost: u32,
+    /// Mean specific force on IA, g.
+    pub specific_force_g: f64,
+    /// The vibration error that was taken out, g.
+    pub vre_g: f32,
+    /// Its standard uncertainty from the coefficients' covariance, g; infinite without coefficients.
+    pub vre_sigma_g: f32,
+    /// What this is worth.
+    pub quality: Quality,
 }
 
 /// Consecutive samples as the converter gave them; none is missing inside.
@@ -344,6 +395,19 @@ pub enum Fault {
     NoData,
 }
 
+/// Why the memory does not hold what it should.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum StoreFault {
+    /// Reading, erasing or writing failed.
+    Flash,
+    /// What is read back is not what was written.
+    Verify,
+    /// It holds something that is no configuration.
+    Corrupt,
+    /// A configuration of another version of the firmware.
+    Version,
+}
+
 /// Why a command is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Refusal {
@@ -379,4 +443,6 @@ pub enum Parameter {
     Coefficients,
     /// A figure of [`SetUp`] cannot be.
     SetUp,
+    /// A figure of [`Configuration`] cannot be.
+    Configuration,
 }

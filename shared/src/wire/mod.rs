@@ -7,8 +7,9 @@
 //! ```
 //!
 //! [`version`] says who understands whom, [`message`] what is said ([`Command`] to the instrument, [`Event`]
-//! from it), [`framing`] how it is packed. Nothing here allocates, and no sequence of bytes makes it panic.
+//! from it), [`configuration`] what the instrument keeps, [`framing`] how it is packed. Nothing here allocates, and no sequence of bytes makes it panic.
 
+pub mod configuration;
 pub mod framing;
 pub mod message;
 pub mod version;

@@ -3,8 +3,11 @@
 use std::time::Duration;
 
 use shared::self_check::{Outcome, SetUp};
+use shared::wire::configuration::Configuration;
 use shared::wire::framing::Frame;
-use shared::wire::message::{Block, CHANNELS, Fault, Identity, Refusal, State};
+use shared::wire::message::{
+    Block, CHANNELS, CompensatedBlock, Fault, Identity, Refusal, State, StoreFault,
+};
 use shared::wire::{Command, Deframer, Event, FrameError, version};
 
 use crate::converter::Converter;
@@ -31,6 +34,12 @@ pub enum Heard {
     CheckBegun(SetUp),
     /// Outcome of a self-check.
     Check(Outcome),
+    /// A block freed of vibration error.
+    Compensated(CompensatedBlock),
+    /// How it compensates.
+    Configuration(Option<Configuration>),
+    /// The memory was written for the command of that number, so often, or not.
+    Stored(u16, u32, Option<StoreFault>),
     /// Bytes that are no frame.
     Broken(FrameError),
 }
@@ -47,6 +56,13 @@ impl From<Event<'_>> for Heard {
             Event::Fault { sample, fault } => Self::Fault(sample, fault),
             Event::Check(outcome) => Self::Check(outcome),
             Event::CheckBegun(set_up) => Self::CheckBegun(set_up),
+            Event::Compensated(block) => Self::Compensated(block),
+            Event::Configuration(configuration) => Self::Configuration(configuration),
+            Event::Stored {
+                sequence,
+                writes,
+                fault,
+            } => Self::Stored(sequence, writes, fault),
         }
     }
 }
