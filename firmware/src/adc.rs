@@ -1,6 +1,7 @@
 //! Driver of the Texas Instruments ADS131M04: four simultaneous 24-bit channels, SPI mode 1, DRDY.
 //!
-//! [`registers`], [`frame`] and [`count`] are plain encoding and counting; [`Ads131m04`] is the transaction layer over embedded-hal.
+//! [`registers`], [`frame`] and [`count`] are plain encoding and counting; [`Ads131m04`] is the transaction layer, over
+//! embedded-hal or over a board's own [`bus`].
 //! The facts are from the data sheet SBAS890 (and SBAS950 of the eight-channel sibling, where it says more).
 //!
 //! **Losing nothing unnoticed.** Each conversion has an index, counted from the DRDY edges that a timer counts
@@ -8,17 +9,18 @@
 //! not read in time, the next frame brings the older one. The driver then reads both and throws them away, since
 //! after a gap it cannot be known which conversions they are, and says how many were lost.
 
+pub mod bus;
 pub mod count;
 pub mod frame;
 pub mod registers;
 
-use embassy_futures::select::{Either, select};
 use embedded_hal::digital::{Error as _, ErrorKind as PinError, OutputPin};
-use embedded_hal::spi::{Error as _, ErrorKind as SpiError};
+use embedded_hal::spi::ErrorKind as SpiError;
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiDevice;
 
+use bus::{FetchError, Fetched, FrameBus, FrameError, HalBus, open};
 use count::{ConversionCount, Timers};
 use frame::{Command, FRAME, RESET_RESPONSE, Response};
 use registers::{Config, ID, Register, Status};
@@ -69,6 +71,15 @@ pub enum Error {
     NoData,
 }
 
+impl From<FrameError> for Error {
+    fn from(error: FrameError) -> Self {
+        match error {
+            FrameError::Spi(error) => Self::Spi(error),
+            FrameError::Checksum(error) => Self::Checksum(error),
+        }
+    }
+}
+
 impl Error {
     /// True when the converter must be set up anew; false when only conversions are lost.
     pub const fn needs_initialise(self) -> bool {
@@ -111,19 +122,16 @@ const PATIENCE: u32 = 4;
 const REGISTERS_READY_US: u32 = 10;
 
 /// The converter on its bus.
-pub struct Ads131m04<SPI, DRDY, RESET, DELAY, TIMERS> {
-    spi: SPI,
-    drdy: DRDY,
+pub struct Ads131m04<BUS, RESET> {
+    bus: BUS,
     reset: RESET,
-    delay: DELAY,
-    timers: TIMERS,
     config: Config,
     count: ConversionCount,
     /// The last frame failed, so that the converter may still hold its conversion.
     behind: bool,
 }
 
-impl<SPI, DRDY, RESET, DELAY, TIMERS> Ads131m04<SPI, DRDY, RESET, DELAY, TIMERS>
+impl<SPI, DRDY, RESET, DELAY, TIMERS> Ads131m04<HalBus<SPI, DRDY, DELAY, TIMERS>, RESET>
 where
     SPI: SpiDevice,
     DRDY: Wait,
@@ -131,7 +139,7 @@ where
     DELAY: DelayNs,
     TIMERS: Timers,
 {
-    /// On its bus, not yet set up. `reset` is the pin SYNC/RESET, active low.
+    /// On a bus of embedded-hal's parts, not yet set up. `reset` is the pin SYNC/RESET, active low.
     pub fn new(
         spi: SPI,
         drdy: DRDY,
@@ -140,12 +148,22 @@ where
         timers: TIMERS,
         config: Config,
     ) -> Self {
-        Self {
+        let bus = HalBus {
             spi,
             drdy,
-            reset,
             delay,
             timers,
+        };
+        Self::on_bus(bus, reset, config)
+    }
+}
+
+impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
+    /// On its bus, not yet set up. `reset` is the pin SYNC/RESET, active low.
+    pub fn on_bus(bus: BUS, reset: RESET, config: Config) -> Self {
+        Self {
+            bus,
+            reset,
             config,
             count: ConversionCount::new(&config),
             behind: false,
@@ -162,14 +180,19 @@ where
         self.count.index()
     }
 
+    /// True while there is a conversion that [`Self::next`] will give without waiting.
+    pub fn has_fetched(&self) -> bool {
+        self.bus.has_fetched()
+    }
+
     /// The clock of its timers, microseconds.
     pub fn now_us(&mut self) -> u64 {
-        self.timers.now_us()
+        self.bus.now_us()
     }
 
     /// Lets others run for that long.
     pub async fn pause_us(&mut self, duration_us: u32) {
-        self.delay.delay_us(duration_us).await;
+        self.bus.pause_us(duration_us).await;
     }
 
     /// Lets others run for half of a conversion period.
@@ -189,16 +212,16 @@ where
                 self.reset.set_low().map_err(|e| Error::Pin(e.kind()))?;
                 // 2048 cycles and a quarter more.
                 let low_us = 2560 * 1_000_000u64 / u64::from(self.config.clock_hz.max(1));
-                self.delay.delay_us(low_us as u32).await;
+                self.pause_us(low_us as u32).await;
                 self.reset.set_high().map_err(|e| Error::Pin(e.kind()))?;
             }
             Reset::Command => {
                 // What these answer depends on the state before.
-                self.transfer(Command::Unlock).await?;
-                self.transfer(Command::Reset).await?;
+                self.transfer(&Command::Unlock.frame()).await?;
+                self.transfer(&Command::Reset.frame()).await?;
             }
         }
-        self.delay.delay_us(REGISTERS_READY_US).await;
+        self.pause_us(REGISTERS_READY_US).await;
         self.expect(Command::Null, RESET_RESPONSE).await?;
 
         self.exchange(Command::Read(Register::Id)).await?;
@@ -228,19 +251,16 @@ where
 
     /// Reads away what is older than the set-up.
     async fn settle(&mut self) -> Result<(), Error> {
-        self.wait().await?;
-        self.exchange(Command::Null).await?;
+        self.fetch().await?;
         let mut status = self.exchange(Command::Null).await?.status();
         for _ in 2..SETTLING {
-            self.wait().await?;
-            status = self.exchange(Command::Null).await?.status();
+            status = self.fetch().await?.response?.status();
         }
         if !status.is_sound_but_for(0) {
             return Err(Error::Status(status));
         }
         self.behind = false;
-        self.count
-            .begin(self.timers.drdy_edges(), self.timers.now_us());
+        self.count.begin(self.bus.drdy_edges(), self.bus.now_us());
         Ok(())
     }
 
@@ -251,45 +271,55 @@ where
     /// [`Error::needs_initialise`], call [`Self::initialise`] before the next call.
     pub async fn next(&mut self) -> Result<Conversion, Error> {
         loop {
-            if let Err(error) = self.wait().await {
-                self.count.doubt();
-                return Err(error);
-            }
-            let (edges, now_us) = (self.timers.drdy_edges(), self.timers.now_us());
-            match self.count.account(edges, now_us) {
-                0 => self.clear(now_us).await?,
-                1 => return self.read(now_us).await,
-                mut lost => {
-                    self.exchange(Command::Null).await?;
-                    self.exchange(Command::Null).await?;
-                    let (edges, now_us) = (self.timers.drdy_edges(), self.timers.now_us());
-                    lost = lost.saturating_add(self.count.account(edges, now_us));
-                    self.behind = false;
-                    return Err(Error::Overrun { lost });
+            let fetched = match self.fetch().await {
+                Ok(fetched) => fetched,
+                Err(error) => {
+                    self.count.doubt();
+                    return Err(error);
                 }
+            };
+            match self.count.account(fetched.edges, fetched.time_us) {
+                0 => self.clear(&fetched).await?,
+                1 => return self.read(&fetched).await,
+                lost => return Err(self.discard(lost).await),
             }
+        }
+    }
+
+    /// After a gap it cannot be known which conversions the converter holds: throws all away, two at the most, and those
+    /// fetched meanwhile.
+    async fn discard(&mut self, lost: u32) -> Error {
+        if let Err(error) = self.exchange(Command::Null).await {
+            // The converter may hold one still: the next gap tells.
+            self.behind = true;
+            return error;
+        }
+        let (edges, now_us) = (self.bus.drdy_edges(), self.bus.now_us());
+        self.behind = false;
+        Error::Overrun {
+            lost: lost.saturating_add(self.count.account(edges, now_us)),
         }
     }
 
     /// DRDY is low without an edge. The edge was accounted for when it came while older conversions were thrown
     /// away: then this one is too. Otherwise the pin is stuck; the pause keeps it from taking all the time.
-    async fn clear(&mut self, now_us: u64) -> Result<(), Error> {
-        if self.exchange(Command::Null).await?.status().has_data() {
+    async fn clear(&mut self, fetched: &Fetched) -> Result<(), Error> {
+        if fetched.response?.status().has_data() {
             return Ok(());
         }
         self.count.doubt();
         self.pause_half_a_period().await;
         let waited_us = PATIENCE * self.count.period_us();
-        if self.count.elapsed_us(now_us) < u64::from(waited_us) {
+        if self.count.elapsed_us(fetched.time_us) < u64::from(waited_us) {
             return Err(Error::NoData);
         }
         Err(Error::DrdyTimeout { waited_us })
     }
 
     /// Reads the one conversion that the last edge announced.
-    async fn read(&mut self, time_us: u64) -> Result<Conversion, Error> {
+    async fn read(&mut self, fetched: &Fetched) -> Result<Conversion, Error> {
         let behind = core::mem::replace(&mut self.behind, true);
-        let mut response = self.exchange_frame(&frame::NULL).await?;
+        let mut response = fetched.response?;
         let status = response.status();
         if !status.is_sound_but_for(0) {
             return Err(Error::Status(status));
@@ -299,7 +329,11 @@ where
         }
         if behind {
             // The first may have been the conversion whose frame failed; then there is a second one.
-            let second = self.exchange_frame(&frame::NULL).await?;
+            let second = self.exchange(Command::Null).await?;
+            if self.bus.drdy_edges() != fetched.edges {
+                // Or the second is a later one.
+                return Err(self.discard(1).await);
+            }
             if second.status().has_data() {
                 response = second;
             }
@@ -307,19 +341,20 @@ where
         self.behind = false;
         Ok(Conversion {
             index: self.count.index().saturating_sub(1),
-            time_us,
+            time_us: fetched.time_us,
             codes: response.codes,
         })
     }
 
-    /// Waits until DRDY is low: it stays low until a conversion is read, so that none is missed by being late.
-    async fn wait(&mut self) -> Result<(), Error> {
+    async fn fetch(&mut self) -> Result<Fetched, Error> {
         let waited_us = PATIENCE * self.count.period_us();
-        match select(self.drdy.wait_for_low(), self.delay.delay_us(waited_us)).await {
-            Either::First(Ok(())) => Ok(()),
-            Either::First(Err(error)) => Err(Error::Pin(error.kind())),
-            Either::Second(()) => Err(Error::DrdyTimeout { waited_us }),
-        }
+        self.bus
+            .fetch(waited_us)
+            .await
+            .map_err(|error| match error {
+                FetchError::Timeout => Error::DrdyTimeout { waited_us },
+                FetchError::Pin(error) => Error::Pin(error),
+            })
     }
 
     /// Sends a command and demands an answer to the one before it.
@@ -340,22 +375,15 @@ where
     }
 
     async fn exchange(&mut self, command: Command) -> Result<Response, Error> {
-        self.exchange_frame(&command.frame()).await
+        let frame = if command == Command::Null {
+            frame::NULL
+        } else {
+            command.frame()
+        };
+        Ok(open(self.bus.exchange(&frame).await)?)
     }
 
-    async fn exchange_frame(&mut self, send: &[u8; FRAME]) -> Result<Response, Error> {
-        frame::decode(&self.transfer_frame(send).await?).map_err(Error::Checksum)
-    }
-
-    async fn transfer(&mut self, command: Command) -> Result<[u8; FRAME], Error> {
-        self.transfer_frame(&command.frame()).await
-    }
-
-    async fn transfer_frame(&mut self, send: &[u8; FRAME]) -> Result<[u8; FRAME], Error> {
-        let mut receive = [0; FRAME];
-        match self.spi.transfer(&mut receive, send).await {
-            Ok(()) => Ok(receive),
-            Err(error) => Err(Error::Spi(error.kind())),
-        }
+    async fn transfer(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], Error> {
+        self.bus.exchange(frame).await.map_err(Error::Spi)
     }
 }

@@ -11,6 +11,7 @@
 //!
 //! The link to the host is USART3 (PD8, PD9), the debugger's virtual serial port, at 921 600 baud.
 
+mod bus;
 mod drdy;
 mod postmortem;
 
@@ -28,11 +29,10 @@ use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, RingBufferedUartRx, Uart, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals, rcc, timer, uid};
+use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals, rcc, uid};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Delay, Timer};
-use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
+use embassy_time::Timer;
 use firmware::adc::registers::{Config, Gain, REFERENCE_V};
 use firmware::adc::{Ads131m04, Reset};
 use firmware::app::App;
@@ -46,12 +46,10 @@ use shared::wire::message::Identity;
 use shared::wire::version;
 use static_cell::StaticCell;
 
-use drdy::{Drdy, DrdyTimers};
+use bus::Bus;
+use drdy::DrdyTimers;
 
 bind_interrupts!(struct Interrupts {
-    TIM2 => timer::CaptureCompareInterruptHandler<peripherals::TIM2>;
-    DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
-    DMA2_STREAM1 => dma::InterruptHandler<peripherals::DMA2_CH1>;
     USART3 => usart::InterruptHandler<peripherals::USART3>;
     DMA1_STREAM1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
     DMA1_STREAM3 => dma::InterruptHandler<peripherals::DMA1_CH3>;
@@ -74,9 +72,6 @@ const WORKSPACE_LEN: usize = workspace_len(MARKS, MOUNTS);
 
 /// The watchdog restarts the board when the acquisition made no step for this long.
 const WATCHDOG_US: u32 = 1_000_000;
-
-/// The converter's bus with its chip select.
-type Device = ExclusiveDevice<Spi<'static, Async, spi::mode::Master>, Output<'static>, NoDelay>;
 
 static ACQUISITION: InterruptExecutor = InterruptExecutor::new();
 static QUEUES: StaticCell<Queues> = StaticCell::new();
@@ -137,19 +132,23 @@ async fn main(spawner: Spawner) {
         link.set_priority(Priority::P12);
     }
     interrupt::CAN2_SCE.set_priority(Priority::P6);
+    for converter in [interrupt::TIM2, interrupt::DMA2_STREAM0] {
+        // SAFETY: their handlers share nothing but atomics with the rest.
+        #[allow(unsafe_code)]
+        unsafe {
+            converter.enable();
+        }
+    }
 
     let mut spi_config = spi::Config::default();
     spi_config.mode = spi::MODE_1;
     spi_config.frequency = SPI_CLOCK;
-    let spi = Spi::new(
-        p.SPI4, p.PE2, p.PE6, p.PE5, p.DMA2_CH1, p.DMA2_CH0, Interrupts, spi_config,
-    );
+    let spi = Spi::new_blocking(p.SPI4, p.PE2, p.PE6, p.PE5, spi_config);
     let select = Output::new(p.PE4, Level::High, Speed::VeryHigh);
     let reset = Output::new(p.PE3, Level::High, Speed::Low);
-    let Ok(device) = ExclusiveDevice::new_no_delay(spi, select);
-    let (drdy, timers) = drdy::start(p.TIM2, p.TIM5, p.PA0, Interrupts);
+    let bus = Bus::new(spi, select, DrdyTimers::start(p.TIM2, p.TIM5, p.PA0));
     let config = Config::default();
-    let converter = Ads131m04::new(device, drdy, reset, Delay, timers, config);
+    let converter = Ads131m04::on_bus(bus, reset, config);
 
     let (to_application, to_acquisition) = QUEUES.init(Queues::new()).split();
     let sampler = Sampler::new(to_application, BLOCK_SAMPLES);
@@ -214,9 +213,7 @@ fn identity(config: &Config) -> Identity {
 
 /// Reads the converter for ever, above everything else.
 #[embassy_executor::task]
-async fn acquire(
-    mut acquisition: Acquisition<'static, Device, Drdy, Output<'static>, Delay, DrdyTimers>,
-) {
+async fn acquire(mut acquisition: Acquisition<'static, Bus, Output<'static>>) {
     let mut waiting = 0;
     loop {
         acquisition.step().await;

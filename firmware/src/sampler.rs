@@ -5,14 +5,11 @@
 //! which counts DRDY edges ([`crate::adc::count`]); a loss belongs to the segment in which it happened.
 
 use embedded_hal::digital::OutputPin;
-use embedded_hal_async::delay::DelayNs;
-use embedded_hal_async::digital::Wait;
-use embedded_hal_async::spi::SpiDevice;
 use shared::compensate::{Compensator, CompensatorState};
 use shared::moments::Accumulator;
 use shared::wire::message::{Block, CHANNELS, CompensatedBlock, Fault, Moments, Segment, State};
 
-use crate::adc::count::Timers;
+use crate::adc::bus::FrameBus;
 use crate::adc::{self, Ads131m04, Conversion, Reset};
 use crate::link::{AcquisitionEnd, Action, RawSamples, Report};
 
@@ -286,45 +283,45 @@ impl<'q> Sampler<'q> {
 }
 
 /// A converter and the sampler behind it: the loop that runs above everything else.
-pub struct Acquisition<'q, SPI, DRDY, RESET, DELAY, TIMERS> {
-    converter: Ads131m04<SPI, DRDY, RESET, DELAY, TIMERS>,
+pub struct Acquisition<'q, BUS, RESET> {
+    converter: Ads131m04<BUS, RESET>,
     sampler: Sampler<'q>,
     reset: Reset,
     ready: bool,
     started: bool,
+    /// Steps since orders were last looked for.
+    unasked: u8,
 }
 
-impl<'q, SPI, DRDY, RESET, DELAY, TIMERS> Acquisition<'q, SPI, DRDY, RESET, DELAY, TIMERS>
-where
-    SPI: SpiDevice,
-    DRDY: Wait,
-    RESET: OutputPin,
-    DELAY: DelayNs,
-    TIMERS: Timers,
-{
+/// So many conversions at the most are older than an order that waits for them.
+const FETCHED_AHEAD: u8 = 8;
+
+impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
     /// Of a converter that is not yet set up, and is reset in that way whenever it needs to be.
-    pub fn new(
-        converter: Ads131m04<SPI, DRDY, RESET, DELAY, TIMERS>,
-        sampler: Sampler<'q>,
-        reset: Reset,
-    ) -> Self {
+    pub fn new(converter: Ads131m04<BUS, RESET>, sampler: Sampler<'q>, reset: Reset) -> Self {
         Self {
             converter,
             sampler,
             reset,
             ready: false,
             started: false,
+            unasked: 0,
         }
     }
 
     /// Carries out what was ordered, then waits for one conversion or one failure. Takes no longer
     /// than the converter's patience, so that orders are heard whatever the converter does. Call it for ever.
     pub async fn step(&mut self) {
-        let conversions = self.converter.conversions();
-        let Self {
-            converter, sampler, ..
-        } = self;
-        sampler.obey(conversions, || converter.now_us());
+        self.unasked = self.unasked.saturating_add(1);
+        // What was converted before an order came does not belong to what it begins.
+        if !self.converter.has_fetched() || self.unasked > FETCHED_AHEAD {
+            self.unasked = 0;
+            let conversions = self.converter.conversions();
+            let Self {
+                converter, sampler, ..
+            } = self;
+            sampler.obey(conversions, || converter.now_us());
+        }
         if !self.ready {
             return self.set_up().await;
         }

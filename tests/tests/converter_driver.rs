@@ -14,6 +14,7 @@ use embedded_hal_mock::eh1::digital::{
     Mock as PinMock, State as PinState, Transaction as PinTransaction,
 };
 use embedded_hal_mock::eh1::spi::{Mock as SpiMock, Transaction as SpiTransaction};
+use firmware::adc::bus::HalBus;
 use firmware::adc::count::Timers;
 use firmware::adc::registers::{Config, Register, Status};
 use firmware::adc::{Ads131m04, Error, Reset};
@@ -169,7 +170,7 @@ impl Timers for Pins {
     }
 }
 
-type Driver = Ads131m04<SpiMock<u8>, Pins, PinMock, Pins, Pins>;
+type Driver = Ads131m04<HalBus<SpiMock<u8>, Pins, Pins, Pins>, PinMock>;
 
 /// Runs `body` with a driver whose transactions have to be those of `script`, no more and no fewer.
 fn with_driver(script: Script, resets: usize, body: impl AsyncFnOnce(&mut Driver, &World)) {

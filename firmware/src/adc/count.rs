@@ -17,6 +17,7 @@ pub struct ConversionCount {
     /// Conversion periods a second, as a fraction: clock over cycles.
     clock_hz: u64,
     clock_cycles: u64,
+    period_us: u32,
     edges: u32,
     time_us: u64,
     /// Part of a period that had passed at that time, if only the clock told; microseconds times `clock_hz`.
@@ -38,9 +39,12 @@ enum Confidence {
 impl ConversionCount {
     /// Before the first conversion.
     pub fn new(config: &Config) -> Self {
+        let clock_hz = u64::from(config.clock_hz.max(1));
+        let clock_cycles = u64::from(config.oversampling.clock_cycles());
         Self {
-            clock_hz: u64::from(config.clock_hz.max(1)),
-            clock_cycles: u64::from(config.oversampling.clock_cycles()),
+            clock_hz,
+            clock_cycles,
+            period_us: u32::try_from(clock_cycles * 1_000_000 / clock_hz).unwrap_or(u32::MAX),
             edges: 0,
             time_us: 0,
             begun: 0,
@@ -51,7 +55,7 @@ impl ConversionCount {
 
     /// The conversion period, microseconds.
     pub fn period_us(&self) -> u32 {
-        u32::try_from(self.clock_cycles * 1_000_000 / self.clock_hz).unwrap_or(u32::MAX)
+        self.period_us
     }
 
     /// Index of the conversion that the next edge announces.

@@ -1,69 +1,100 @@
-//! DRDY on TIM2 and TIM5: every falling edge is stamped and counted in hardware.
+//! DRDY on TIM2 and TIM5: every falling edge is counted in hardware and starts the conveyor's frame.
 //!
 //! TIM2 runs at 1 MHz and captures the falling edges on PA0. Each capture sends a trigger pulse, and TIM5 counts
-//! these pulses, so that the count holds however late the software is.
+//! these pulses, so that the count holds however late the software is. TIM2's second channel ends a wait: [`Deadline`].
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
-use embassy_stm32::interrupt::typelevel::Binding;
+use embassy_stm32::interrupt;
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::{PA0, TIM2, TIM5};
 use embassy_stm32::time::Hertz;
-use embassy_stm32::timer::input_capture::{CapturePin, Ch1, InputCapture};
-use embassy_stm32::timer::low_level::{CountingMode, MasterMode, SlaveMode, Timer, TriggerSource};
-use embassy_stm32::timer::{CaptureCompareInterruptHandler, Channel, GeneralInstance1Channel};
-use embedded_hal::digital::{Error, ErrorKind, ErrorType};
-use embedded_hal_async::digital::Wait;
+use embassy_stm32::timer::input_capture::CapturePin;
+use embassy_stm32::timer::low_level::{
+    InputCaptureMode, InputTISelection, MasterMode, SlaveMode, Timer, TriggerSource,
+};
+use embassy_stm32::timer::{Ch1, Channel};
 use firmware::adc::count::Timers;
+
+use super::bus;
 
 /// Ticks of TIM2.
 const CLOCK: Hertz = Hertz(1_000_000);
 
-/// The pin DRDY, whose falling edges TIM2 captures.
-pub struct Drdy(InputCapture<'static, TIM2>);
+const CAPTURE: usize = 0;
+const COMPARE: usize = 1;
+
+/// An edge came, or it is time.
+#[interrupt]
+fn TIM2() {
+    let flags = pac::TIM2.sr().read();
+    // Cleared by writing zeros; what comes in between stays.
+    pac::TIM2.sr().write(|w| w.0 = !flags.0);
+    if flags.ccif(CAPTURE) {
+        bus::on_edge();
+    }
+    if flags.ccif(COMPARE) {
+        bus::WAKER.wake();
+    }
+}
+
+/// True while DRDY is low.
+#[inline]
+pub fn is_low() -> bool {
+    pac::GPIOA.idr().read().idr(0) == pac::gpio::vals::Idr::LOW
+}
+
+/// Falling edges until now, modulo 2^32.
+#[inline]
+pub fn edges() -> u32 {
+    pac::TIM5.cnt().read()
+}
 
 /// The clock TIM2 and the count TIM5.
 pub struct DrdyTimers {
-    count: Timer<'static, TIM5>,
+    _pin: CapturePin<'static, TIM2, Ch1>,
+    _clock: Timer<'static, TIM2>,
+    _count: Timer<'static, TIM5>,
     now_us: u64,
 }
 
-/// Starts both timers.
-pub fn start(
-    clock: Peri<'static, TIM2>,
-    count: Peri<'static, TIM5>,
-    pin: Peri<'static, PA0>,
-    interrupts: impl Binding<
-        <TIM2 as GeneralInstance1Channel>::CaptureCompareInterrupt,
-        CaptureCompareInterruptHandler<TIM2>,
-    > + 'static,
-) -> (Drdy, DrdyTimers) {
-    let count = Timer::new(count);
-    // Internal trigger 0 of TIM5 is the output of TIM2 (RM0090, table 98).
-    count.set_trigger_source(TriggerSource::ITR0);
-    count.set_slave_mode(SlaveMode::EXT_CLOCK_MODE);
-    count.start();
+impl DrdyTimers {
+    /// Starts both timers. Their interrupt has still to be enabled.
+    pub fn start(
+        clock: Peri<'static, TIM2>,
+        count: Peri<'static, TIM5>,
+        pin: Peri<'static, PA0>,
+    ) -> Self {
+        let count = Timer::new(count);
+        // Internal trigger 0 of TIM5 is the output of TIM2 (RM0090, table 98).
+        count.set_trigger_source(TriggerSource::ITR0);
+        count.set_slave_mode(SlaveMode::EXT_CLOCK_MODE);
+        count.start();
 
-    let pin = CapturePin::<_, Ch1>::new(pin, Pull::Up);
-    let clock = InputCapture::new(
-        clock,
-        Some(pin),
-        None,
-        None,
-        None,
-        interrupts,
-        CLOCK,
-        CountingMode::EdgeAlignedUp,
-    );
-    pac::TIM2
-        .cr2()
-        .modify(|w| w.set_mms(MasterMode::COMPARE_PULSE));
-    (Drdy(clock), DrdyTimers { count, now_us: 0 })
+        let pin = CapturePin::new(pin, Pull::Up);
+        let mut clock = Timer::new(clock);
+        clock.set_tick_freq(CLOCK);
+        clock.set_max_compare_value(u32::MAX);
+        clock.set_input_ti_selection(Channel::Ch1, InputTISelection::Normal);
+        clock.set_input_capture_mode(Channel::Ch1, InputCaptureMode::Falling);
+        clock.enable_channel(Channel::Ch1, true);
+        clock.set_master_mode(MasterMode::COMPARE_PULSE);
+        clock.generate_update_event();
+        clock.enable_input_interrupt(Channel::Ch1, true);
+        clock.enable_input_interrupt(Channel::Ch2, true);
+        clock.start();
+        Self {
+            _pin: pin,
+            _clock: clock,
+            _count: count,
+            now_us: 0,
+        }
+    }
 }
 
 impl Timers for DrdyTimers {
     fn drdy_edges(&mut self) -> u32 {
-        self.count.regs_gp32().cnt().read()
+        edges()
     }
 
     /// The counter has 32 bits; asked at least once an hour, this clock does not lose a turn.
@@ -74,43 +105,23 @@ impl Timers for DrdyTimers {
     }
 }
 
-/// Only falling edges are captured: waiting for others is not supported.
-#[derive(Debug)]
-pub struct NotCaptured;
+/// An instant at which TIM2 wakes the acquisition; one at a time.
+pub struct Deadline(u32);
 
-impl Error for NotCaptured {
-    fn kind(&self) -> ErrorKind {
-        ErrorKind::Other
-    }
-}
-
-impl ErrorType for Drdy {
-    type Error = NotCaptured;
-}
-
-impl Wait for Drdy {
-    async fn wait_for_low(&mut self) -> Result<(), NotCaptured> {
-        // An edge between the look and the wait has set its flag and ends the wait at once.
-        while pac::GPIOA.idr().read().idr(0) == pac::gpio::vals::Idr::HIGH {
-            self.wait_for_falling_edge().await?;
-        }
-        Ok(())
+impl Deadline {
+    /// From now on, half an hour at the most.
+    #[inline]
+    pub fn after_us(duration_us: u32) -> Self {
+        let now = pac::TIM2.cnt().read();
+        // One tick more, since the first is under way.
+        let end = now.wrapping_add(duration_us.saturating_add(1).min(i32::MAX as u32));
+        pac::TIM2.ccr(COMPARE).write_value(end);
+        Self(end)
     }
 
-    async fn wait_for_falling_edge(&mut self) -> Result<(), NotCaptured> {
-        self.0.wait_for_falling_edge(Channel::Ch1).await;
-        Ok(())
-    }
-
-    async fn wait_for_high(&mut self) -> Result<(), NotCaptured> {
-        Err(NotCaptured)
-    }
-
-    async fn wait_for_rising_edge(&mut self) -> Result<(), NotCaptured> {
-        Err(NotCaptured)
-    }
-
-    async fn wait_for_any_edge(&mut self) -> Result<(), NotCaptured> {
-        Err(NotCaptured)
+    /// True once it has passed.
+    #[inline]
+    pub fn is_over(&self) -> bool {
+        self.0.wrapping_sub(pac::TIM2.cnt().read()) as i32 <= 0
     }
 }

@@ -15,6 +15,7 @@ use embedded_hal::spi::{ErrorType as SpiErrorType, Operation};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiDevice;
+use firmware::adc::bus::HalBus;
 use firmware::adc::count::Timers;
 use firmware::adc::registers::{Gain, REFERENCE_V};
 use firmware::adc::{Ads131m04, Reset};
@@ -244,7 +245,7 @@ impl Timers for Shared {
 /// The instrument, as far as its serial line shows.
 pub struct VirtualBoard {
     world: Rc<RefCell<World>>,
-    acquisition: Acquisition<'static, Shared, Shared, Shared, Shared, Shared>,
+    acquisition: Acquisition<'static, HalBus<Shared, Shared, Shared, Shared>, Shared>,
     app: App<'static>,
     frame: Frame,
     command_sequence: u16,

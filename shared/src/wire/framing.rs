@@ -117,31 +117,30 @@ impl Frame {
     }
 }
 
-/// Stuffs `bytes[from..to]` to the beginning of `bytes`; returns the stuffed length.
-fn stuff_down(bytes: &mut [u8; MAX_FRAME], mut from: usize, to: usize) -> usize {
-    let mut out = 0;
-    loop {
-        let limit = to.min(from + RUN);
-        let run = bytes[from..limit]
-            .iter()
-            .position(|&byte| byte == 0)
-            .unwrap_or(limit - from);
-        bytes[out] = run as u8 + 1;
-        bytes.copy_within(from..from + run, out + 1);
-        out += run + 1;
-        from += run;
-        if from == to {
-            return out;
-        }
+/// Stuffs `bytes[from..to]` to the beginning of `bytes`; returns the stuffed length. Byte by byte: a message has many
+/// zeros, and moving the short runs between them takes longer to begin than to do.
+fn stuff_down(bytes: &mut [u8; MAX_FRAME], from: usize, to: usize) -> usize {
+    // Where the open run's code byte goes, and where its next byte.
+    let (mut code, mut out) = (0, 1);
+    for at in from..to {
         // A full run has no zero after it; a shorter one ends at a zero, which the code byte stands for.
-        if run < RUN {
-            from += 1;
-            if from == to {
-                bytes[out] = 1;
-                return out + 1;
+        if out - code == RUN + 1 {
+            bytes[code] = u8::MAX;
+            (code, out) = (out, out + 1);
+        }
+        match bytes[at] {
+            0 => {
+                bytes[code] = (out - code) as u8;
+                (code, out) = (out, out + 1);
+            }
+            byte => {
+                bytes[out] = byte;
+                out += 1;
             }
         }
     }
+    bytes[code] = (out - code) as u8;
+    out
 }
 
 /// Takes the stuffing out of `bytes` in place; returns the content's length.

@@ -1,11 +1,13 @@
 //! Running the image, a stretch of virtual time after the other.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use rigless::emulator::{Driver, Host, Settled, Start, Stop, run};
+use rigless::emulator::{Driver, Host, Settled, Start, Stop, Watch, run};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::snapshot::Store;
@@ -55,6 +57,7 @@ pub struct Emulator {
     stops: Receiver<Stop>,
     core: Option<JoinHandle<Result<(), String>>>,
     stop: Stop,
+    executed: Shared<BTreeMap<u64, u64>>,
 }
 
 impl Emulator {
@@ -71,6 +74,8 @@ impl Emulator {
         let (requests, to_core) = channel();
         let (from_core, stops) = channel();
         let images = images.to_vec();
+        let executed = Shared::default();
+        let count = Arc::clone(&executed);
         let core = thread::Builder::new()
             .name("emulated board".into())
             .spawn(move || {
@@ -78,6 +83,7 @@ impl Emulator {
                     until: 0,
                     requests: to_core,
                     stops: from_core,
+                    executed: count,
                 };
                 match run(session, &Start::new(&images), governor) {
                     Ok(_) => Ok(()),
@@ -91,6 +97,7 @@ impl Emulator {
             requests: Some(requests),
             stops,
             core: Some(core),
+            executed,
             stop: Stop {
                 at: VirtualNanos(0),
                 instruction_count: 0,
@@ -113,6 +120,23 @@ impl Emulator {
         what: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send + 'static,
     ) -> Result<(), Error> {
         self.request(Request::Do(Box::new(what)))
+    }
+
+    /// Lets the firmware run for this long and counts how often each instruction of `code` is executed. Slow: some
+    /// hundred thousand instructions a second.
+    pub fn trace(&mut self, time: Duration, code: Range<u64>) -> Result<BTreeMap<u64, u64>, Error> {
+        // An instruction begins at every even address, or at none that is ever reached.
+        let addresses = move || code.clone().step_by(2).map(Watch::Instruction);
+        let watched = addresses.clone();
+        self.intervene(move |_, host, _| {
+            watched().for_each(|watch| {
+                host.watch(watch);
+            });
+        })?;
+        lock(&self.executed).clear();
+        self.run_for(time)?;
+        self.intervene(move |_, host, _| addresses().for_each(|watch| host.unwatch(watch)))?;
+        Ok(std::mem::take(&mut lock(&self.executed)))
     }
 
     /// Presses the reset button.
@@ -196,6 +220,8 @@ struct Governor {
     until: u64,
     requests: Receiver<Request>,
     stops: Sender<Stop>,
+    /// How often each watched instruction was executed.
+    executed: Shared<BTreeMap<u64, u64>>,
 }
 
 impl Store for Governor {}
@@ -206,6 +232,9 @@ impl Driver<Nucleo> for Governor {
             && (GPIOE.contains(&access.address) || SPI4.contains(&access.address))
         {
             session.board_mut().settle(access.virtual_time);
+        }
+        if let Settled::Hit(hit) = settled {
+            *lock(&self.executed).entry(hit.address).or_default() += 1;
         }
     }
 

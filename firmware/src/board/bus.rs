@@ -1,0 +1,387 @@
+//! The converter's bus: SPI4 by DMA2, stream 0 in and stream 1 out (RM0090, table 43: channel 4 of both).
+//!
+//! The HAL sets up pins and clock; for each transfer it would set up the peripheral and both streams anew, which takes
+//! half of all the instructions of a sample. Here that is done once, and a transfer is a count and an enable bit for each
+//! stream.
+//!
+//! **The conveyor.** While it runs, DRDY's interrupt starts the frame that reads the conversion, and the DMA's interrupt
+//! ends it; the acquisition sleeps meanwhile and is woken for [`BATCH`] conversions. It runs only while each frame has
+//! one DRDY edge more than the one before. Where that is not so, where a frame failed or where there is no room, it stops,
+//! and the driver, which counts the same edges, decides what the converter still holds.
+
+use core::future::poll_fn;
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering, fence};
+use core::task::Poll;
+
+use embassy_stm32::gpio::Output;
+use embassy_stm32::interrupt;
+use embassy_stm32::mode::Blocking;
+use embassy_stm32::pac;
+use embassy_stm32::pac::dma::regs::{Cr, Ixr, Ndtr};
+use embassy_stm32::pac::dma::vals::{Dir, Pl};
+use embassy_stm32::spi::{Spi, mode};
+use embassy_sync::waitqueue::AtomicWaker;
+use embedded_hal::spi::ErrorKind;
+use firmware::adc::bus::{FetchError, Fetched, FrameBus, open};
+use firmware::adc::count::Timers;
+use firmware::adc::frame::{FRAME, NULL};
+
+use super::drdy::{self, DrdyTimers};
+
+/// Conversions that wake the acquisition: fewer periods than the driver waits for the first.
+const BATCH: u32 = 3;
+
+/// Conversions that there is room for, a power of two: what the acquisition may be late.
+const ROOM: u32 = 8;
+
+/// Words of memory that hold a frame.
+const WORDS: usize = FRAME.div_ceil(4);
+
+/// What the DMA reads or writes: nobody else holds a reference to it, and every access is atomic.
+type Memory = [AtomicU32; WORDS];
+
+const EMPTY: Memory = [const { AtomicU32::new(0) }; WORDS];
+
+/// What goes out.
+static OUT: Memory = EMPTY;
+
+/// What comes in by [`FrameBus::exchange`].
+static IN: Memory = EMPTY;
+
+/// A conversion on the conveyor.
+struct Slot {
+    frame: Memory,
+    edges: AtomicU32,
+    sound: AtomicBool,
+}
+
+static CONVEYOR: [Slot; ROOM as usize] = [const {
+    Slot {
+        frame: EMPTY,
+        edges: AtomicU32::new(0),
+        sound: AtomicBool::new(false),
+    }
+}; ROOM as usize];
+
+/// Conversions that came, modulo 2^32; moved on by the DMA's interrupt.
+static CAME: AtomicU32 = AtomicU32::new(0);
+
+/// Conversions that were taken off, modulo 2^32; moved on by the acquisition.
+static TAKEN: AtomicU32 = AtomicU32::new(0);
+
+/// True while DRDY's interrupt starts frames.
+static RUNS: AtomicBool = AtomicBool::new(false);
+
+/// DRDY edges when the last frame was begun.
+static EDGES: AtomicU32 = AtomicU32::new(0);
+
+/// What is under way.
+static UNDER_WAY: AtomicU8 = AtomicU8::new(NOTHING);
+const NOTHING: u8 = 0;
+const CONVERSION: u8 = 1;
+const EXCHANGE: u8 = 2;
+
+/// The last exchange succeeded.
+static SOUND: AtomicBool = AtomicBool::new(false);
+
+/// The acquisition, while it waits.
+pub static WAKER: AtomicWaker = AtomicWaker::new();
+
+const STREAM_IN: usize = 0;
+const STREAM_OUT: usize = 1;
+
+/// Channel 4 of either stream is SPI4.
+const CHANNEL: u8 = 4;
+
+/// The chip select is pin 4 of port E.
+const SELECT: u32 = 1 << 4;
+
+/// Every flag of both streams (RM0090, 10.5.3); a stream cannot be enabled with one set.
+const FLAGS: Ixr = Ixr(0x3D << (6 * STREAM_IN) | 0x3D << (6 * STREAM_OUT));
+
+/// The control words of the two streams as they run.
+static CONTROL: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
+
+/// Sends `OUT` and receives into `to`.
+#[inline]
+fn begin(what: u8, to: &'static Memory) {
+    UNDER_WAY.store(what, Ordering::Relaxed);
+    pac::GPIOE.bsrr().write(|w| w.0 = SELECT << 16);
+    pac::DMA2
+        .st(STREAM_IN)
+        .m0ar()
+        .write_value(to.as_ptr() as u32);
+    // What was written to `OUT` has to be in memory before the DMA reads it.
+    fence(Ordering::SeqCst);
+    for stream in [STREAM_IN, STREAM_OUT] {
+        let registers = pac::DMA2.st(stream);
+        registers.ndtr().write_value(Ndtr(FRAME as u32));
+        let control = CONTROL[stream].load(Ordering::Relaxed);
+        registers.cr().write_value(Cr(control));
+    }
+}
+
+/// Begins to read a conversion; whether the conveyor goes on after it is known by the edges.
+#[inline]
+fn begin_conversion() {
+    let edges = drdy::edges();
+    let before = EDGES.swap(edges, Ordering::Relaxed);
+    let came = CAME.load(Ordering::Relaxed);
+    let slot = &CONVEYOR[(came % ROOM) as usize];
+    slot.edges.store(edges, Ordering::Relaxed);
+    let full = came.wrapping_sub(TAKEN.load(Ordering::Acquire)) >= ROOM - 1;
+    if full || edges.wrapping_sub(before) != 1 {
+        RUNS.store(false, Ordering::Relaxed);
+    }
+    begin(CONVERSION, &slot.frame);
+}
+
+/// DRDY fell.
+#[inline]
+pub fn on_edge() {
+    if RUNS.load(Ordering::Relaxed) && UNDER_WAY.load(Ordering::Relaxed) == NOTHING {
+        begin_conversion();
+    }
+}
+
+/// The last byte came in, or the DMA could not go on.
+#[interrupt]
+fn DMA2_STREAM0() {
+    let sound = !pac::DMA2.isr(0).read().teif(STREAM_IN);
+    pac::GPIOE.bsrr().write(|w| w.0 = SELECT);
+    pac::DMA2.ifcr(0).write_value(FLAGS);
+    let what = UNDER_WAY.swap(NOTHING, Ordering::AcqRel);
+    if what == EXCHANGE {
+        SOUND.store(sound, Ordering::Relaxed);
+        return WAKER.wake();
+    }
+    let came = CAME.load(Ordering::Relaxed);
+    CONVEYOR[(came % ROOM) as usize]
+        .sound
+        .store(sound, Ordering::Relaxed);
+    let came = came.wrapping_add(1);
+    CAME.store(came, Ordering::Release);
+    if !sound {
+        RUNS.store(false, Ordering::Relaxed);
+    }
+    if !RUNS.load(Ordering::Relaxed) {
+        WAKER.wake();
+    } else {
+        if drdy::is_low() {
+            // Its edge came while the frame was under way.
+            begin_conversion();
+        }
+        if came.wrapping_sub(TAKEN.load(Ordering::Relaxed)) >= BATCH {
+            WAKER.wake();
+        }
+    }
+}
+
+/// The bus with the converter's chip select and the timers that count DRDY.
+pub struct Bus {
+    _pins: Spi<'static, Blocking, mode::Master>,
+    _select: Output<'static>,
+    timers: DrdyTimers,
+    /// A batch is being taken off.
+    draining: bool,
+}
+
+impl Bus {
+    /// On SPI4 as the HAL set it up, which nobody else may use; `select` is PE4.
+    pub fn new(
+        pins: Spi<'static, Blocking, mode::Master>,
+        select: Output<'static>,
+        timers: DrdyTimers,
+    ) -> Self {
+        let ways = [Dir::PERIPHERAL_TO_MEMORY, Dir::MEMORY_TO_PERIPHERAL];
+        for (stream, way) in ways.into_iter().enumerate() {
+            let data = pac::SPI4.dr().as_ptr() as u32;
+            pac::DMA2.st(stream).par().write_value(data);
+            let mut control = Cr(0);
+            control.set_chsel(CHANNEL);
+            control.set_minc(true);
+            control.set_dir(way);
+            if stream == STREAM_IN {
+                // A byte that comes must be fetched before the next one is sent.
+                control.set_pl(Pl::VERY_HIGH);
+                control.set_tcie(true);
+                control.set_teie(true);
+            }
+            control.set_en(true);
+            CONTROL[stream].store(control.0, Ordering::Relaxed);
+        }
+        let out = OUT.as_ptr() as u32;
+        pac::DMA2.st(STREAM_OUT).m0ar().write_value(out);
+        pac::SPI4.cr2().modify(|w| {
+            w.set_rxdmaen(true);
+            w.set_txdmaen(true);
+        });
+        pac::SPI4.cr1().modify(|w| w.set_spe(true));
+        Self {
+            _pins: pins,
+            _select: select,
+            timers,
+            draining: false,
+        }
+    }
+
+    /// Stops the conveyor, waits until nothing is under way and throws away what was fetched.
+    async fn stop(&mut self) {
+        RUNS.store(false, Ordering::Relaxed);
+        until_idle().await;
+        TAKEN.store(CAME.load(Ordering::Acquire), Ordering::Release);
+        self.draining = false;
+    }
+
+    /// Starts the conveyor where it stands. A conversion that waits already is read alone: the driver has to judge it by
+    /// its edges before there is a next one.
+    fn start(&self) {
+        put(&NULL);
+        cortex_m::interrupt::free(|_| {
+            if drdy::is_low() {
+                begin_conversion();
+                RUNS.store(false, Ordering::Relaxed);
+            } else {
+                EDGES.store(drdy::edges(), Ordering::Relaxed);
+                RUNS.store(true, Ordering::Relaxed);
+            }
+        });
+    }
+
+    /// Takes the oldest conversion off.
+    #[inline]
+    fn take(&mut self) -> Fetched {
+        let taken = TAKEN.load(Ordering::Relaxed);
+        let slot = &CONVEYOR[(taken % ROOM) as usize];
+        let edges = slot.edges.load(Ordering::Relaxed);
+        let response = open(if slot.sound.load(Ordering::Relaxed) {
+            Ok(get(&slot.frame))
+        } else {
+            Err(ErrorKind::Other)
+        });
+        TAKEN.store(taken.wrapping_add(1), Ordering::Release);
+        Fetched {
+            edges,
+            time_us: self.timers.now_us(),
+            response,
+        }
+    }
+}
+
+/// Conversions that were fetched and not taken off.
+#[inline]
+fn fetched() -> u32 {
+    CAME.load(Ordering::Acquire)
+        .wrapping_sub(TAKEN.load(Ordering::Relaxed))
+}
+
+fn is_idle() -> bool {
+    UNDER_WAY.load(Ordering::Acquire) == NOTHING
+}
+
+async fn until_idle() {
+    poll_fn(|context| {
+        WAKER.register(context.waker());
+        if is_idle() {
+            Poll::Ready(())
+        } else {
+            Poll::Pending
+        }
+    })
+    .await;
+}
+
+/// Lays a frame out for the DMA.
+#[inline]
+fn put(frame: &[u8; FRAME]) {
+    let (words, rest) = frame.as_chunks::<4>();
+    for (to, word) in OUT.iter().zip(words) {
+        to.store(u32::from_le_bytes(*word), Ordering::Relaxed);
+    }
+    if let (Some(to), [low, high]) = (OUT.last(), rest) {
+        to.store(u32::from_le_bytes([*low, *high, 0, 0]), Ordering::Relaxed);
+    }
+}
+
+/// The frame that the DMA brought.
+#[inline]
+fn get(memory: &Memory) -> [u8; FRAME] {
+    let word = |k: usize| memory[k].load(Ordering::Relaxed).to_le_bytes();
+    let ([a, b, c, d], [e, f, g, h], [i, j, k, l], [m, n, o, p], [q, r, ..]) =
+        (word(0), word(1), word(2), word(3), word(4));
+    [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r]
+}
+
+impl Timers for Bus {
+    fn drdy_edges(&mut self) -> u32 {
+        self.timers.drdy_edges()
+    }
+
+    fn now_us(&mut self) -> u64 {
+        self.timers.now_us()
+    }
+}
+
+impl FrameBus for Bus {
+    async fn exchange(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], ErrorKind> {
+        self.stop().await;
+        put(frame);
+        begin(EXCHANGE, &IN);
+        until_idle().await;
+        fence(Ordering::SeqCst);
+        if SOUND.load(Ordering::Relaxed) {
+            Ok(get(&IN))
+        } else {
+            Err(ErrorKind::Other)
+        }
+    }
+
+    async fn fetch(&mut self, patience_us: u32) -> Result<Fetched, FetchError> {
+        if !self.draining || fetched() == 0 {
+            self.draining = false;
+            if !RUNS.load(Ordering::Relaxed) && is_idle() && fetched() == 0 {
+                self.start();
+            }
+            let end = drdy::Deadline::after_us(patience_us);
+            poll_fn(|context| {
+                WAKER.register(context.waker());
+                let all = match fetched() {
+                    0 => false,
+                    // Nothing more comes by itself.
+                    _ if !RUNS.load(Ordering::Relaxed) => is_idle(),
+                    some => some >= BATCH,
+                };
+                if all || end.is_over() {
+                    Poll::Ready(())
+                } else {
+                    Poll::Pending
+                }
+            })
+            .await;
+            if fetched() == 0 {
+                self.stop().await;
+                return Err(FetchError::Timeout);
+            }
+            self.draining = true;
+        }
+        fence(Ordering::SeqCst);
+        Ok(self.take())
+    }
+
+    fn has_fetched(&self) -> bool {
+        fetched() > 0
+    }
+
+    async fn pause_us(&mut self, duration_us: u32) {
+        let end = drdy::Deadline::after_us(duration_us);
+        poll_fn(|context| {
+            WAKER.register(context.waker());
+            if end.is_over() {
+                Poll::Ready(())
+            } else {
+                Poll::Pending
+            }
+        })
+        .await;
+    }
+}
