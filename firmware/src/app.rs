@@ -18,6 +18,7 @@ use shared::wire::version;
 
 use crate::check::Check;
 use crate::link::{Action, ApplicationEnd, Order, Report};
+use crate::sampler::Sampler;
 
 /// Answers that may wait for the line; a host that floods faster than it listens misses some, and they are counted.
 const REPLIES: usize = 8;
@@ -104,12 +105,24 @@ impl<'q> App<'q> {
         }
     }
 
-    /// The same with what the memory held when power came on; the acquisition is to be told as well.
-    pub fn with_kept(self, configuration: Option<Configuration>, kept: Kept) -> Self {
+    /// The same with what the memory held when power came on, for the acquisition as well. A configuration that cannot
+    /// be with this converter's gains is no better than a corrupt one.
+    pub fn with_kept(
+        self,
+        (configuration, kept): (Option<Configuration>, Kept),
+        sampler: &mut Sampler<'_>,
+    ) -> Self {
+        let Some(known) = configuration else {
+            return Self { kept, ..self };
+        };
+        let Ok(compensator) = self.compensator(&known) else {
+            let fault = Some(StoreFault::Corrupt);
+            let kept = Kept { writes: 0, fault };
+            return Self { kept, ..self };
+        };
+        sampler.compensate(known.compensation.block_samples, compensator);
         Self {
-            coefficients: configuration
-                .and_then(|known| known.calibration)
-                .map(|known| known.coefficients),
+            coefficients: known.calibration.map(|known| known.coefficients),
             configuration,
             kept,
             ..self

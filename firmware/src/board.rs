@@ -13,6 +13,7 @@
 
 mod bus;
 mod drdy;
+mod memory;
 mod postmortem;
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -29,7 +30,7 @@ use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, RingBufferedUartRx, Uart, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals, rcc, uid};
+use embassy_stm32::{bind_interrupts, dma, flash, interrupt, peripherals, rcc, uid};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Timer;
@@ -48,11 +49,13 @@ use static_cell::StaticCell;
 
 use bus::Bus;
 use drdy::DrdyTimers;
+use memory::Memory;
 
 bind_interrupts!(struct Interrupts {
     USART3 => usart::InterruptHandler<peripherals::USART3>;
     DMA1_STREAM1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
     DMA1_STREAM3 => dma::InterruptHandler<peripherals::DMA1_CH3>;
+    FLASH => flash::InterruptHandler;
 });
 
 /// Baud of the link.
@@ -73,12 +76,17 @@ const WORKSPACE_LEN: usize = workspace_len(MARKS, MOUNTS);
 /// The watchdog restarts the board when the acquisition made no step for this long.
 const WATCHDOG_US: u32 = 1_000_000;
 
+/// The acquisition of this board. A task holds it by reference: what is moved into a task lies there twice.
+type TheAcquisition = Acquisition<'static, Bus, Output<'static>>;
+
 static ACQUISITION: InterruptExecutor = InterruptExecutor::new();
 static QUEUES: StaticCell<Queues> = StaticCell::new();
+static APP: StaticCell<App<'static>> = StaticCell::new();
+static ACQUIRING: StaticCell<TheAcquisition> = StaticCell::new();
 static WORKSPACE: StaticCell<[f64; WORKSPACE_LEN]> = StaticCell::new();
 static INCOMING: StaticCell<[u8; INCOMING_BYTES]> = StaticCell::new();
 
-/// Set when a report waits for the line.
+/// Set when the application has something to do: a report waits for the line, or the memory was written.
 static REPORTS: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Steps of the acquisition, for the watchdog.
@@ -123,13 +131,14 @@ async fn main(spawner: Spawner) {
     postmortem::unlock();
     defmt::info!("restarted: {}", postmortem::take());
 
-    // Below the acquisition: the link may wait.
-    for link in [
+    // Below the acquisition: link and memory may wait.
+    for below in [
         interrupt::USART3,
         interrupt::DMA1_STREAM1,
         interrupt::DMA1_STREAM3,
+        interrupt::FLASH,
     ] {
-        link.set_priority(Priority::P12);
+        below.set_priority(Priority::P12);
     }
     interrupt::CAN2_SCE.set_priority(Priority::P6);
     for converter in [interrupt::TIM2, interrupt::DMA2_STREAM0] {
@@ -139,6 +148,10 @@ async fn main(spawner: Spawner) {
             converter.enable();
         }
     }
+
+    let memory = memory::open(p.FLASH, Interrupts, p.PA12);
+    let known = memory.load().await;
+    memory::tell(known.1);
 
     let mut spi_config = spi::Config::default();
     spi_config.mode = spi::MODE_1;
@@ -151,10 +164,15 @@ async fn main(spawner: Spawner) {
     let converter = Ads131m04::on_bus(bus, reset, config);
 
     let (to_application, to_acquisition) = QUEUES.init(Queues::new()).split();
-    let sampler = Sampler::new(to_application, BLOCK_SAMPLES);
+    let (app, sampler) = {
+        // Borrowed in here only, so that the task does not hold it for good.
+        let mut sampler = Sampler::new(to_application, BLOCK_SAMPLES);
+        let app = App::new(identity(&config), to_acquisition);
+        (app.with_kept(known, &mut sampler), sampler)
+    };
     let acquisition = Acquisition::new(converter, sampler, Reset::Pin);
     let above = ACQUISITION.start(interrupt::CAN2_SCE);
-    above.spawn(defmt::unwrap!(acquire(acquisition)));
+    above.spawn(defmt::unwrap!(acquire(ACQUIRING.init(acquisition))));
 
     let mut uart_config = usart::Config::default();
     uart_config.baudrate = BAUD;
@@ -172,12 +190,12 @@ async fn main(spawner: Spawner) {
     };
     let (sender, receiver) = uart.split();
     let receiver = receiver.into_ring_buffered(INCOMING.init([0; INCOMING_BYTES]));
-    let app = App::new(identity(&config), to_acquisition);
     let app = match SelfCheck::new(SetUp::default(), WORKSPACE.init([0.0; WORKSPACE_LEN])) {
         Ok(check) => app.with_check(Check::new(check)),
         Err(_) => app,
     };
-    spawner.spawn(defmt::unwrap!(converse(app, sender, receiver)));
+    spawner.spawn(defmt::unwrap!(converse(APP.init(app), sender, receiver)));
+    spawner.spawn(defmt::unwrap!(remember(memory)));
 
     let mut watchdog = IndependentWatchdog::new(p.IWDG, WATCHDOG_US);
     watchdog.unleash();
@@ -213,7 +231,7 @@ fn identity(config: &Config) -> Identity {
 
 /// Reads the converter for ever, above everything else.
 #[embassy_executor::task]
-async fn acquire(mut acquisition: Acquisition<'static, Bus, Output<'static>>) {
+async fn acquire(acquisition: &'static mut TheAcquisition) {
     let mut waiting = 0;
     loop {
         acquisition.step().await;
@@ -229,7 +247,7 @@ async fn acquire(mut acquisition: Acquisition<'static, Bus, Output<'static>>) {
 /// Hears the host and answers, one frame at a time.
 #[embassy_executor::task]
 async fn converse(
-    mut app: App<'static>,
+    app: &'static mut App<'static>,
     mut sender: UartTx<'static, Async>,
     mut receiver: RingBufferedUartRx<'static>,
 ) {
@@ -240,6 +258,12 @@ async fn converse(
         if let Poll::Ready(Ok(count)) = poll_once(receiver.read(&mut bytes)) {
             app.receive(bytes.get(..count).unwrap_or(&[]));
         }
+        if let Some(keep) = app.keep() {
+            memory::KEEP.signal(keep);
+        }
+        if let Some(kept) = memory::KEPT.try_take() {
+            app.stored(kept);
+        }
         if app.transmit(&mut frame) {
             // Only a bus error of the DMA fails it; the host misses the frame by its number.
             let _ = sender.write(frame.as_bytes()).await;
@@ -249,4 +273,10 @@ async fn converse(
             app.receive(bytes.get(..count).unwrap_or(&[]));
         }
     }
+}
+
+/// Writes to the memory what it is told; nobody waits for it.
+#[embassy_executor::task]
+async fn remember(memory: &'static mut Memory) {
+    memory::serve(memory, || REPORTS.signal(())).await
 }

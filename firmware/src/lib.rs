@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! adc -> sampler -> app -> link
+//!                    \-> store
 //! ```
 #![no_std]
 
@@ -11,3 +12,4 @@ pub mod app;
 pub mod check;
 pub mod link;
 pub mod sampler;
+pub mod store;

@@ -3,8 +3,13 @@
 use firmware::adc::registers::{Config, Oversampling, Register};
 use host::bench::board::VirtualBoard;
 use host::bench::converter::{Converter, DrdyPin, Faults, Quiet, Signal};
+use host::bench::flash::{self, Flash};
+use shared::compensate::{Mode, Source};
+use shared::wire::configuration::{Compensation, Configuration};
 use shared::wire::framing::Deframer;
-use shared::wire::message::{Block, Command, Event, Fault, Plateau, Run, Segment, State};
+use shared::wire::message::{
+    Block, Command, CompensatedBlock, Event, Fault, Plateau, Run, Segment, State, StoreFault,
+};
 use shared::wire::version;
 
 const BLOCK: u16 = 40;
@@ -32,6 +37,9 @@ struct Heard {
     faults: Vec<Fault>,
     raw_samples: u64,
     state: Option<State>,
+    compensated: Vec<CompensatedBlock>,
+    configuration: Option<Configuration>,
+    stored: Vec<(u32, Option<StoreFault>)>,
 }
 
 struct Line {
@@ -42,7 +50,12 @@ struct Line {
 
 impl Line {
     fn new(config: Config) -> Self {
-        let board = VirtualBoard::new(Converter::new(config), BLOCK, *b"virtualboard");
+        Self::with_memory(config, Flash::new(0))
+    }
+
+    fn with_memory(config: Config, flash: Flash) -> Self {
+        let converter = Converter::new(config);
+        let board = VirtualBoard::with_memory(converter, BLOCK, *b"virtualboard", flash);
         let mut line = Self {
             board,
             deframer: Deframer::new(),
@@ -68,13 +81,12 @@ impl Line {
                 match packet.expect("sound").message().expect("an event") {
                     Event::Block(block) => heard.blocks.push(block),
                     Event::Fault { fault, .. } => heard.faults.push(fault),
-                    event @ (Event::Check(_)
-                    | Event::CheckBegun(_)
-                    | Event::Compensated(_)
-                    | Event::Configuration(_)
-                    | Event::Stored { .. }) => {
+                    event @ (Event::Check(_) | Event::CheckBegun(_)) => {
                         panic!("nobody asked for {event:?}")
                     }
+                    Event::Compensated(block) => heard.compensated.push(block),
+                    Event::Configuration(configuration) => heard.configuration = configuration,
+                    Event::Stored { writes, fault, .. } => heard.stored.push((writes, fault)),
                     Event::Raw(raw) => heard.raw_samples += raw.samples().len() as u64,
                     Event::State(state) => heard.state = Some(state),
                     Event::Refused { reason, .. } => panic!("refused: {reason:?}"),
@@ -282,4 +294,40 @@ fn what_a_dead_line_drops_is_counted() {
     let state = line.state();
     assert!(state.dropped_samples > 0);
     assert_eq!(heard + state.dropped_samples, state.samples);
+}
+
+#[test]
+fn a_configuration_outlives_a_loss_of_power_and_a_memory_that_fails_stops_nothing() {
+    let configuration = Configuration {
+        compensation: Compensation {
+            mode: Some(Mode::Block),
+            source: Source::Reference,
+            block_samples: 20,
+            nominal_v_per_g: 0.1,
+            reference_v_per_g: [0.1; 3],
+            reference_zero_v: [0.0; 3],
+        },
+        calibration: None,
+    };
+    let mut line = Line::new(Config::default());
+    line.send(Command::Configure(configuration));
+    line.run(1, &mut Quiet);
+    assert_eq!(line.heard.stored, [(1, None)]);
+
+    let mut flash = line.board.switch_off();
+    flash.fault = flash::Fault::Deaf;
+    let mut line = Line::with_memory(Config::default(), flash);
+    line.send(Command::AskConfiguration);
+    assert_eq!(line.heard.configuration, Some(configuration));
+    line.run(200, &mut Quiet);
+    assert!(line.heard.compensated.len() >= 10);
+    assert!(line.heard.compensated.iter().skip(1).all(|b| b.count == 20));
+
+    line.send(Command::EraseConfiguration);
+    line.run(200, &mut Quiet);
+    let kept = (1, None);
+    let failed = (1, Some(StoreFault::Verify));
+    assert_eq!(line.heard.stored, [kept, failed]);
+    let state = line.state();
+    assert_eq!((state.lost, state.compensating), (0, false));
 }

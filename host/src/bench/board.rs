@@ -10,6 +10,7 @@ use std::pin::pin;
 use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
+use embassy_futures::block_on;
 use embedded_hal::digital::{ErrorType as PinErrorType, OutputPin};
 use embedded_hal::spi::{ErrorType as SpiErrorType, Operation};
 use embedded_hal_async::delay::DelayNs;
@@ -19,10 +20,11 @@ use firmware::adc::bus::HalBus;
 use firmware::adc::count::Timers;
 use firmware::adc::registers::{Gain, REFERENCE_V};
 use firmware::adc::{Ads131m04, Reset};
-use firmware::app::{App, Kept};
+use firmware::app::App;
 use firmware::check::Check;
 use firmware::link::Queues;
 use firmware::sampler::{Acquisition, Sampler};
+use firmware::store::Store;
 use shared::identify::static_test::workspace_len;
 use shared::self_check::{MARKS, MOUNTS, SelfCheck, SetUp};
 use shared::wire::framing::{EncodeError, Frame};
@@ -30,6 +32,7 @@ use shared::wire::message::{Command, Identity};
 use shared::wire::version;
 
 use super::converter::{Converter, OVERSAMPLING, Quiet, Signal};
+use super::flash::Flash;
 
 /// A board that acquires a signal and talks to a host.
 pub trait Board {
@@ -247,6 +250,7 @@ pub struct VirtualBoard {
     world: Rc<RefCell<World>>,
     acquisition: Acquisition<'static, HalBus<Shared, Shared, Shared, Shared>, Shared>,
     app: App<'static>,
+    memory: Store<Flash>,
     frame: Frame,
     command_sequence: u16,
 }
@@ -278,9 +282,19 @@ impl Board for VirtualBoard {
 }
 
 impl VirtualBoard {
-    /// Switched on, with the converter set up; blocks of that many conversions. Each board keeps a few kilobytes until
-    /// the program ends, as the firmware's queues are made for good.
+    /// Switched on, with the converter set up and an empty memory; blocks of that many conversions. Each board keeps a
+    /// few kilobytes until the program ends, as the firmware's queues are made for good.
     pub fn new(converter: Converter, block_samples: u16, serial: [u8; 12]) -> Self {
+        Self::with_memory(converter, block_samples, serial, Flash::new(0))
+    }
+
+    /// The same with what the flash holds; blocks as that says, if it does.
+    pub fn with_memory(
+        converter: Converter,
+        block_samples: u16,
+        serial: [u8; 12],
+        flash: Flash,
+    ) -> Self {
         let config = *converter.config();
         let identity = Identity {
             minimum: version::MINIMUM,
@@ -303,10 +317,14 @@ impl VirtualBoard {
         let driver = Ads131m04::new(shared(), shared(), shared(), shared(), shared(), config);
         let queues: &'static mut Queues = Box::leak(Box::default());
         let (acquisition_end, application_end) = queues.split();
-        let sampler = Sampler::new(acquisition_end, block_samples);
+        let mut sampler = Sampler::new(acquisition_end, block_samples);
+        let mut memory = Store::new(flash);
+        let known = block_on(memory.load());
+        let app = App::new(identity, application_end).with_kept(known, &mut sampler);
         let mut board = Self {
             acquisition: Acquisition::new(driver, sampler, Reset::Pin),
-            app: App::new(identity, application_end).with_check(check()),
+            app: app.with_check(check()),
+            memory,
             frame: Frame::new(),
             command_sequence: 0,
             world,
@@ -357,6 +375,11 @@ impl VirtualBoard {
         what(&mut self.world.borrow_mut().converter)
     }
 
+    /// Switches it off; what the memory holds stays.
+    pub fn switch_off(self) -> Flash {
+        self.memory.into_flash()
+    }
+
     /// Conversions until now, those in reset included.
     pub fn conversions(&self) -> u64 {
         self.world.borrow().conversions
@@ -372,15 +395,13 @@ impl VirtualBoard {
             world,
             acquisition,
             app,
+            memory,
             frame,
             ..
         } = self;
-        // The memory of this board is the application's own: it is never without power.
+        // As the bus, the memory takes no time.
         if let Some(keep) = app.keep() {
-            app.stored(Kept {
-                writes: u32::from(keep.configuration.is_some()),
-                fault: None,
-            });
+            app.stored(block_on(memory.keep(keep.configuration.as_ref())));
         }
         let mut line = Line { app, frame };
         let mut context = Context::from_waker(Waker::noop());

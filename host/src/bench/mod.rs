@@ -21,6 +21,7 @@ pub mod effects;
 pub mod emulated;
 pub mod environment;
 pub mod excitation;
+pub mod flash;
 pub mod noise;
 pub mod plan;
 pub mod reference;

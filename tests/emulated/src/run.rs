@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::{self, JoinHandle};
@@ -65,6 +66,16 @@ impl Emulator {
     pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
         let image = Image::read(image::path()?, None)?;
         Self::with_images(Arc::new(Mutex::new(converter)), &[image])
+    }
+
+    /// The same with these bytes in the flash of the instrument's memory.
+    pub fn start_with_memory(
+        converter: impl Converter + 'static,
+        memory: Vec<u8>,
+    ) -> Result<Self, Error> {
+        let image = Image::read(image::path()?, None)?;
+        let memory = Image::new(Path::new("memory"), memory, Some(MEMORY))?;
+        Self::with_images(Arc::new(Mutex::new(converter)), &[image, memory])
     }
 
     fn with_images(converter: Shared<dyn Converter>, images: &[Image]) -> Result<Self, Error> {
@@ -208,6 +219,9 @@ impl Drop for Emulator {
         }
     }
 }
+
+/// Where the instrument's memory begins: bank 2 of the flash (RM0090, table 6).
+const MEMORY: u64 = 0x0810_0000;
 
 /// Port E's registers, where SYNC/RESET is driven.
 const GPIOE: std::ops::Range<u64> = 0x4002_1000..0x4002_1400;
