@@ -263,7 +263,7 @@ fn a_flash_that_fails_is_told_and_what_was_kept_stays() {
 fn a_byte_that_is_worn_out_costs_its_slot_or_nothing() {
     for at in (0..SECTORS * SECTOR).step_by(5 * SLOT / 2 - 1) {
         let mut flash = kept(30);
-        flash.fault = Fault::Stuck(at);
+        flash.fault = Fault::Stuck(at, at + 1);
         for n in 30..200 {
             let (after, kept) = keep(flash, &content(n));
             flash = after;
@@ -278,6 +278,22 @@ fn a_byte_that_is_worn_out_costs_its_slot_or_nothing() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn what_is_kept_stays_when_every_other_sector_is_worn_out() {
+    let mut flash = kept(20);
+    flash.fault = Fault::Stuck(SECTOR, SECTORS * SECTOR);
+    for n in 20..32 {
+        flash = keep_well(flash, &content(n));
+    }
+    let before = load(&flash);
+    for n in 32..40 {
+        let (after, told) = keep(flash, &content(n));
+        assert_eq!(told.fault, Some(StoreFault::Verify));
+        assert_eq!(load(&after), before);
+        flash = after;
     }
 }
 
