@@ -52,6 +52,8 @@ pub enum Fault {
     Deaf,
     /// Bit 0 of the bytes from one address to another is zero for good.
     Stuck(usize, usize),
+    /// Bit 0 of that byte is not programmed.
+    Weak(usize),
 }
 
 /// Why an operation failed.
@@ -124,6 +126,7 @@ impl Flash {
     }
 
     fn program(&mut self, at: usize, byte: u8) -> Result<(), Error> {
+        let byte = byte | u8::from(self.fault == Fault::Weak(at));
         match &mut self.power {
             Power::On => {}
             Power::Failed => return Err(Error::Power),
