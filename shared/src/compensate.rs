@@ -145,7 +145,7 @@ const QUIET_RMS_G: f64 = 1e-3;
 /// Largest magnitude of a code that counts as within range.
 const FULL_SCALE: i32 = (1 << 23) - 1;
 
-/// Newton steps; the error shrinks at least a hundredfold with each.
+/// Newton steps at the most; the error shrinks at least a hundredfold with each.
 const STEPS: usize = 4;
 
 impl<T: Real> Compensator<T> {
@@ -248,20 +248,27 @@ impl<T: Real> Compensator<T> {
         };
         let c = &calibration.coefficients;
         let mut a = SpecificForce::new(mean_g, transverse[0], transverse[1]);
-        let mut sensitivity = sensitivity(a.i, &vibration);
         // What is to be taken from the output, so that a.i = mean_g - removed_g.
         let mut removed_g = T::zero();
-        let mut correction = T::zero();
-        for _ in 0..STEPS {
-            sensitivity = self::sensitivity(a.i, &vibration);
+        let settled = |correction: T, a: T| {
+            correction.abs() <= T::epsilon() * T::lit(16.0) * (T::one() + a.abs())
+        };
+        let mut sensitivity = sensitivity(a.i, &vibration);
+        let mut steps = 0;
+        loop {
             let excess = c.error_g(a) + sensitivity.vre_g(c) - removed_g;
-            correction = excess / c.gradient(a).i;
+            let correction = excess / c.gradient(a).i;
             removed_g += correction;
             a.i = mean_g - removed_g;
-        }
-        let settled = correction.abs() <= T::epsilon() * T::lit(16.0) * (T::one() + a.i.abs());
-        if !settled {
-            quality |= Quality::NO_SOLUTION;
+            if settled(correction, a.i) {
+                break;
+            }
+            steps += 1;
+            if steps == STEPS {
+                quality |= Quality::NO_SOLUTION;
+                break;
+            }
+            sensitivity = self::sensitivity(a.i, &vibration);
         }
         let vre_g = sensitivity.vre_g(c);
         if self.mode == Mode::Pointwise && state.count > 0 {
@@ -336,8 +343,9 @@ fn sensitivity<T: Real>(a0_g: T, vibration: &vibration::Moments<T>) -> Sensitivi
 pub struct CompensatorState<T> {
     count: u32,
     last: Option<[i32; 2]>,
-    /// Sums of the squared steps from sample to sample of the instrument and the reference's I, codes^2.
-    squared_steps: [i64; 2],
+    /// Sums of the squared steps from sample to sample of the instrument and the reference's I, codes^2. The codes have
+    /// 24 bits and a block less than 2^16 samples: no overflow.
+    squared_steps: [u64; 2],
     /// Samples below the zero code, of the same two.
     below: [u32; 2],
     /// What point-wise inversion took out, summed over the block, g.
@@ -364,8 +372,8 @@ impl<T: Real> CompensatorState<T> {
         let now = [codes[0], codes[1]];
         if let Some(last) = self.last {
             for k in 0..2 {
-                let step = i64::from(now[k]) - i64::from(last[k]);
-                self.squared_steps[k] = self.squared_steps[k].saturating_add(step * step);
+                let step = u64::from(now[k].abs_diff(last[k]));
+                self.squared_steps[k] = self.squared_steps[k].wrapping_add(step * step);
             }
         }
         for k in 0..2 {
@@ -414,7 +422,8 @@ impl<T: Real> CompensatorState<T> {
                 half_step: T::zero(),
             };
         }
-        let mean_square_step = T::from_i64(self.squared_steps[channel]) / steps;
+        let mean_square_step =
+            T::from_i64(self.squared_steps[channel].min(i64::MAX as u64) as i64) / steps;
         let half_step = (mean_square_step / (T::lit(4.0) * variance)).min(T::one());
         let s2 = half_step.min(T::lit(0.5));
         let gain = T::one()

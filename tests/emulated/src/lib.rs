@@ -5,6 +5,7 @@
 
 pub mod board;
 pub mod converter;
+pub mod cost;
 pub mod host;
 pub mod image;
 pub mod line;
