@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use rigless::emulator::{Driver, Host, Settled, Start, Stop, Watch, run};
+use rigless::emulator::{Access, AccessKind, Driver, Host, Settled, Start, Stop, Watch, run};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::snapshot::Store;
@@ -194,6 +194,17 @@ impl Emulator {
         })
     }
 
+    /// Writes a word on the bus of the microcontroller, as a debugger does.
+    pub fn write_word(&mut self, address: u64, value: u32) -> Result<(), Error> {
+        self.intervene(move |session, host, stop| {
+            let (kind, value) = (AccessKind::Write, u64::from(value));
+            let mut access = Access::new(kind, address, Width::W32, value);
+            access.virtual_time = stop.at;
+            access.instruction_count = stop.instruction_count;
+            session.access(access, host);
+        })
+    }
+
     /// The converter, for looking and for faults.
     pub fn converter(&self) -> MutexGuard<'_, dyn Converter + 'static> {
         lock(&self.converter)
@@ -202,6 +213,11 @@ impl Emulator {
     /// Puts bytes on the line to the board; they go at the line's speed.
     pub fn send(&self, bytes: &[u8]) {
         lock(&self.line).to_board.extend(bytes);
+    }
+
+    /// The line, for its noise.
+    pub fn line(&self) -> MutexGuard<'_, Line> {
+        lock(&self.line)
     }
 
     /// Fetches the bytes that came from the board.
