@@ -307,6 +307,9 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
             return self.read(&fetched).await;
         }
         let fetched = self.fetch().await?;
+        if fetched.is_empty() {
+            return Err(self.idle().await);
+        }
         match self.count.account(fetched.edge) {
             1 if !self.astray => self.read(&fetched).await,
             passed => self.catch_up(passed).await,
@@ -323,7 +326,7 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         }
         let fetched = self.fetch().await?;
         let again = self.count.account(fetched.edge);
-        if again == 0 {
+        if again == 0 || fetched.is_empty() {
             return Err(self.idle().await);
         }
         self.astray = false;
@@ -389,9 +392,10 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         })
     }
 
-    /// The next conversion in order, whichever it is.
+    /// The next conversion in order, whichever it is; alone, while it has to be judged which that is.
     async fn fetch(&mut self) -> Result<Fetched, Error> {
-        match self.bus.fetch(self.patience_us()).await {
+        let ahead = !(self.behind || self.astray);
+        match self.bus.fetch(self.patience_us(), ahead).await {
             Ok(fetched) => Ok(fetched),
             Err(FetchError::Timeout) => Err(self.timeout()),
             Err(FetchError::Pin(error)) => Err(Error::Pin(error)),

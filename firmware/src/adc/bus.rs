@@ -22,6 +22,14 @@ pub struct Fetched {
     pub response: Result<Response, FrameError>,
 }
 
+impl Fetched {
+    /// True when the converter had nothing new to say: DRDY was low for no reason.
+    pub fn is_empty(&self) -> bool {
+        let sound = self.response.map(|response| response.status());
+        sound.is_ok_and(|status| status.is_sound_but_for(0) && !status.has_data())
+    }
+}
+
 /// Why a frame from the converter is worth nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
@@ -58,11 +66,12 @@ pub trait FrameBus: Timers {
     /// What the bus reports.
     async fn exchange(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], SpiError>;
 
-    /// The next conversion in order: waits until DRDY is low, and reads it by a null command.
+    /// The next conversion in order: waits until DRDY is low, and reads it by a null command. Those after it are fetched
+    /// ahead only where `ahead` says so.
     ///
     /// # Errors
     /// [`FetchError`]; a timeout after `patience_us` without any conversion.
-    async fn fetch(&mut self, patience_us: u32) -> Result<Fetched, FetchError>;
+    async fn fetch(&mut self, patience_us: u32, ahead: bool) -> Result<Fetched, FetchError>;
 
     /// True while a conversion that was fetched ahead waits for [`Self::fetch`].
     fn has_fetched(&self) -> bool;
@@ -109,7 +118,7 @@ where
         }
     }
 
-    async fn fetch(&mut self, patience_us: u32) -> Result<Fetched, FetchError> {
+    async fn fetch(&mut self, patience_us: u32, _: bool) -> Result<Fetched, FetchError> {
         match select(self.drdy.wait_for_low(), self.delay.delay_us(patience_us)).await {
             Either::First(Ok(())) => {}
             Either::First(Err(error)) => return Err(FetchError::Pin(error.kind())),

@@ -5,12 +5,12 @@
 //! stream.
 //!
 //! **The conveyor.** While it runs, DRDY's interrupt starts the frame that reads the conversion, and the DMA's interrupt
-//! ends it; the acquisition sleeps meanwhile and is woken for [`BATCH`] conversions. It runs only while each frame has
-//! one DRDY edge more than the one before. Where that is not so, where a frame failed or where there is no room, it stops,
-//! and the driver, which counts the same edges, decides what the converter still holds.
+//! opens it; the acquisition sleeps meanwhile and is woken for [`BATCH`] conversions. It runs only while each frame has
+//! one DRDY edge more than the one before and a sound conversion. Where that is not so, or where there is no room, it
+//! stops: then the driver, which counts the same edges, decides what the converter still holds.
 
 use core::future::poll_fn;
-use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering, fence};
+use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicU32, Ordering, fence};
 use core::task::Poll;
 
 use embassy_stm32::gpio::Output;
@@ -22,9 +22,10 @@ use embassy_stm32::pac::dma::vals::{Dir, Pl};
 use embassy_stm32::spi::{Spi, mode};
 use embassy_sync::waitqueue::AtomicWaker;
 use embedded_hal::spi::ErrorKind;
-use firmware::adc::bus::{FetchError, Fetched, FrameBus, open};
+use firmware::adc::bus::{FetchError, Fetched, FrameBus, FrameError, open};
 use firmware::adc::count::{Edge, Timers};
-use firmware::adc::frame::{FRAME, NULL};
+use firmware::adc::frame::{ChecksumError, FRAME, NULL, Response};
+use shared::wire::message::CHANNELS;
 
 use super::drdy::{self, DrdyTimers};
 
@@ -45,26 +46,70 @@ const EMPTY: Memory = [const { AtomicU32::new(0) }; WORDS];
 /// What goes out.
 static OUT: Memory = EMPTY;
 
-/// What comes in by [`FrameBus::exchange`].
+/// What comes in.
 static IN: Memory = EMPTY;
 
-/// A conversion on the conveyor.
+/// A conversion on the conveyor, as [`Fetched`] has it.
 struct Slot {
-    frame: Memory,
-    /// DRDY edges when it was begun, and TIM2 at the last of them.
+    /// DRDY edges when its frame was begun, and TIM2 at the last of them.
     edges: AtomicU32,
     stamp: AtomicU32,
-    sound: AtomicBool,
+    kind: AtomicU8,
+    /// The status word, or the two checksums.
+    word: AtomicU32,
+    codes: [AtomicI32; CHANNELS],
 }
+
+const OPENED: u8 = 0;
+const CHECKSUM: u8 = 1;
+const BUS: u8 = 2;
 
 static CONVEYOR: [Slot; ROOM as usize] = [const {
     Slot {
-        frame: EMPTY,
         edges: AtomicU32::new(0),
         stamp: AtomicU32::new(0),
-        sound: AtomicBool::new(false),
+        kind: AtomicU8::new(BUS),
+        word: AtomicU32::new(0),
+        codes: [const { AtomicI32::new(0) }; CHANNELS],
     }
 }; ROOM as usize];
+
+impl Slot {
+    #[inline]
+    fn put(&self, response: &Result<Response, FrameError>) {
+        let (kind, word) = match response {
+            Ok(response) => {
+                for (to, code) in self.codes.iter().zip(response.codes) {
+                    to.store(code, Ordering::Relaxed);
+                }
+                (OPENED, u32::from(response.word))
+            }
+            Err(FrameError::Checksum(error)) => (
+                CHECKSUM,
+                u32::from(error.sent) << 16 | u32::from(error.computed),
+            ),
+            Err(FrameError::Spi(_)) => (BUS, 0),
+        };
+        self.word.store(word, Ordering::Relaxed);
+        self.kind.store(kind, Ordering::Relaxed);
+    }
+
+    #[inline]
+    fn get(&self) -> Result<Response, FrameError> {
+        let word = self.word.load(Ordering::Relaxed);
+        match self.kind.load(Ordering::Relaxed) {
+            OPENED => Ok(Response {
+                word: word as u16,
+                codes: core::array::from_fn(|k| self.codes[k].load(Ordering::Relaxed)),
+            }),
+            CHECKSUM => Err(FrameError::Checksum(ChecksumError {
+                sent: (word >> 16) as u16,
+                computed: word as u16,
+            })),
+            _ => Err(FrameError::Spi(ErrorKind::Other)),
+        }
+    }
+}
 
 /// Conversions that came, modulo 2^32; moved on by the DMA's interrupt.
 static CAME: AtomicU32 = AtomicU32::new(0);
@@ -74,6 +119,9 @@ static TAKEN: AtomicU32 = AtomicU32::new(0);
 
 /// True while DRDY's interrupt starts frames.
 static RUNS: AtomicBool = AtomicBool::new(false);
+
+/// It stops after one.
+static ALONE: AtomicBool = AtomicBool::new(false);
 
 /// DRDY edges when the last frame was begun.
 static EDGES: AtomicU32 = AtomicU32::new(0);
@@ -105,15 +153,11 @@ const FLAGS: Ixr = Ixr(0x3D << (6 * STREAM_IN) | 0x3D << (6 * STREAM_OUT));
 /// The control words of the two streams as they run.
 static CONTROL: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
 
-/// Sends `OUT` and receives into `to`.
+/// Sends `OUT` and receives into `IN`.
 #[inline]
-fn begin(what: u8, to: &'static Memory) {
+fn begin(what: u8) {
     UNDER_WAY.store(what, Ordering::Relaxed);
     pac::GPIOE.bsrr().write(|w| w.0 = SELECT << 16);
-    pac::DMA2
-        .st(STREAM_IN)
-        .m0ar()
-        .write_value(to.as_ptr() as u32);
     // What was written to `OUT` has to be in memory before the DMA reads it.
     fence(Ordering::SeqCst);
     for stream in [STREAM_IN, STREAM_OUT] {
@@ -134,16 +178,19 @@ fn begin_conversion() {
     slot.edges.store(edges, Ordering::Relaxed);
     slot.stamp.store(stamp, Ordering::Relaxed);
     let full = came.wrapping_sub(TAKEN.load(Ordering::Acquire)) >= ROOM - 1;
-    if full || edges.wrapping_sub(before) != 1 {
+    let alone = ALONE.load(Ordering::Relaxed);
+    if full || alone || edges.wrapping_sub(before) != 1 {
         RUNS.store(false, Ordering::Relaxed);
     }
-    begin(CONVERSION, &slot.frame);
+    begin(CONVERSION);
 }
 
 /// DRDY fell.
 #[inline]
 pub fn on_edge() {
-    if RUNS.load(Ordering::Relaxed) && UNDER_WAY.load(Ordering::Relaxed) == NOTHING {
+    let free = UNDER_WAY.load(Ordering::Relaxed) == NOTHING;
+    // A pin that is high again was disturbed; its edge counts among those of the next conversion.
+    if free && RUNS.load(Ordering::Relaxed) && drdy::is_low() {
         begin_conversion();
     }
 }
@@ -159,20 +206,28 @@ fn DMA2_STREAM0() {
         SOUND.store(sound, Ordering::Relaxed);
         return WAKER.wake();
     }
+    fence(Ordering::SeqCst);
+    let response = open(if sound {
+        Ok(get())
+    } else {
+        Err(ErrorKind::Other)
+    });
     let came = CAME.load(Ordering::Relaxed);
-    CONVEYOR[(came % ROOM) as usize]
-        .sound
-        .store(sound, Ordering::Relaxed);
+    CONVEYOR[(came % ROOM) as usize].put(&response);
     let came = came.wrapping_add(1);
     CAME.store(came, Ordering::Release);
-    if !sound {
+    let goes_on = response.is_ok_and(|response| {
+        let status = response.status();
+        status.is_sound_but_for(0) && status.has_data()
+    });
+    if !goes_on {
         RUNS.store(false, Ordering::Relaxed);
     }
     if !RUNS.load(Ordering::Relaxed) {
         WAKER.wake();
     } else {
         if drdy::is_low() {
-            // Its edge came while the frame was under way.
+            // It was converted while the frame was under way.
             begin_conversion();
         }
         if came.wrapping_sub(TAKEN.load(Ordering::Relaxed)) >= BATCH {
@@ -198,9 +253,11 @@ impl Bus {
         timers: DrdyTimers,
     ) -> Self {
         let ways = [Dir::PERIPHERAL_TO_MEMORY, Dir::MEMORY_TO_PERIPHERAL];
-        for (stream, way) in ways.into_iter().enumerate() {
+        for (stream, (memory, way)) in [&IN, &OUT].into_iter().zip(ways).enumerate() {
+            let registers = pac::DMA2.st(stream);
             let data = pac::SPI4.dr().as_ptr() as u32;
-            pac::DMA2.st(stream).par().write_value(data);
+            registers.par().write_value(data);
+            registers.m0ar().write_value(memory.as_ptr() as u32);
             let mut control = Cr(0);
             control.set_chsel(CHANNEL);
             control.set_minc(true);
@@ -214,8 +271,6 @@ impl Bus {
             control.set_en(true);
             CONTROL[stream].store(control.0, Ordering::Relaxed);
         }
-        let out = OUT.as_ptr() as u32;
-        pac::DMA2.st(STREAM_OUT).m0ar().write_value(out);
         pac::SPI4.cr2().modify(|w| {
             w.set_rxdmaen(true);
             w.set_txdmaen(true);
@@ -237,14 +292,14 @@ impl Bus {
         self.draining = false;
     }
 
-    /// Starts the conveyor where it stands. A conversion that waits already is read alone: the driver has to judge it by
-    /// its edges before there is a next one.
-    fn start(&self) {
+    /// Starts the conveyor where it stands. A conversion that waits already is read alone in any case: the driver has to
+    /// judge it by its edge before there is a next one.
+    fn start(&self, ahead: bool) {
         put(&NULL);
         cortex_m::interrupt::free(|_| {
+            ALONE.store(!ahead || drdy::is_low(), Ordering::Relaxed);
             if drdy::is_low() {
                 begin_conversion();
-                RUNS.store(false, Ordering::Relaxed);
             } else {
                 EDGES.store(drdy::edge().0, Ordering::Relaxed);
                 RUNS.store(true, Ordering::Relaxed);
@@ -259,11 +314,7 @@ impl Bus {
         let slot = &CONVEYOR[(taken % ROOM) as usize];
         let edges = slot.edges.load(Ordering::Relaxed);
         let stamp = slot.stamp.load(Ordering::Relaxed);
-        let response = open(if slot.sound.load(Ordering::Relaxed) {
-            Ok(get(&slot.frame))
-        } else {
-            Err(ErrorKind::Other)
-        });
+        let response = slot.get();
         TAKEN.store(taken.wrapping_add(1), Ordering::Release);
         Fetched {
             edge: self.timers.at(edges, stamp),
@@ -309,8 +360,8 @@ fn put(frame: &[u8; FRAME]) {
 
 /// The frame that the DMA brought.
 #[inline]
-fn get(memory: &Memory) -> [u8; FRAME] {
-    let word = |k: usize| memory[k].load(Ordering::Relaxed).to_le_bytes();
+fn get() -> [u8; FRAME] {
+    let word = |k: usize| IN[k].load(Ordering::Relaxed).to_le_bytes();
     let ([a, b, c, d], [e, f, g, h], [i, j, k, l], [m, n, o, p], [q, r, ..]) =
         (word(0), word(1), word(2), word(3), word(4));
     [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r]
@@ -330,21 +381,21 @@ impl FrameBus for Bus {
     async fn exchange(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], ErrorKind> {
         self.stop().await;
         put(frame);
-        begin(EXCHANGE, &IN);
+        begin(EXCHANGE);
         until_idle().await;
         fence(Ordering::SeqCst);
         if SOUND.load(Ordering::Relaxed) {
-            Ok(get(&IN))
+            Ok(get())
         } else {
             Err(ErrorKind::Other)
         }
     }
 
-    async fn fetch(&mut self, patience_us: u32) -> Result<Fetched, FetchError> {
+    async fn fetch(&mut self, patience_us: u32, ahead: bool) -> Result<Fetched, FetchError> {
         if !self.draining || fetched() == 0 {
             self.draining = false;
             if !RUNS.load(Ordering::Relaxed) && is_idle() && fetched() == 0 {
-                self.start();
+                self.start(ahead);
             }
             let end = drdy::Deadline::after_us(patience_us);
             poll_fn(|context| {
@@ -368,7 +419,6 @@ impl FrameBus for Bus {
             }
             self.draining = true;
         }
-        fence(Ordering::SeqCst);
         Ok(self.take())
     }
 

@@ -173,7 +173,7 @@ fn of_mathematics(mode: Mode, loader: &Loader) -> Result<f64, Error> {
 fn self_check() -> Result<(f64, f64), Error> {
     let mut board = Emulator::start(Plain::new(CLOCK_HZ, signal))?;
     board.paint_stack()?;
-    let mut host = Conversation::greet(board)?;
+    let mut host = Conversation::with_board(board)?;
     host.command(&Command::Configure(configuration(Mode::Block)))?;
     host.command(&Command::StreamRaw { on: true })?;
     let set_up = SetUp {

@@ -86,11 +86,11 @@ const PATIENCE: Duration = Duration::from_millis(200);
 impl Conversation {
     /// Powers the board, and greets it once its converter is set up.
     pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
-        Self::greet(Emulator::start(converter)?)
+        Self::with_board(Emulator::start(converter)?)
     }
 
-    /// Greets a board that was just powered, once its converter is set up.
-    pub fn greet(board: Emulator) -> Result<Self, Error> {
+    /// Greets this board, which was just powered, once its converter is set up.
+    pub fn with_board(board: Emulator) -> Result<Self, Error> {
         let mut host = Self {
             board,
             deframer: Deframer::new(),

@@ -70,7 +70,7 @@ fn power(memory: &Flash) -> Result<Conversation, Error> {
         let code = 7000 + (n % 5) as i32;
         [code, code, 1 - code, 3]
     });
-    Conversation::greet(Emulator::start_with_memory(
+    Conversation::with_board(Emulator::start_with_memory(
         converter,
         memory.bytes.clone(),
     )?)
