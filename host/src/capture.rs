@@ -104,7 +104,7 @@ pub fn capture(
         fs::remove_file(&file).map_err(Error::write(&file))?;
     }
     let mut session = Session::open(bench, board, &file)?;
-    session.send(&Command::BeginCheck(session.set_up()))?;
+    session.send(&Command::BeginCheck(set_up(&bench.config())))?;
     for order in 0..bench.plan.dwells.len() {
         session.dwell(order)?;
         step();
@@ -116,14 +116,14 @@ pub fn capture(
         step();
     }
     let conditions = session.finish()?;
-    let (reduction, tally) = reduce(&file)?;
+    let (reduction, tally) = reduce(&file, DWELL_BLOCKS)?;
     let campaign = campaign(bench.config(), &reduction, &conditions, &file)?;
     campaign.write(folder)?;
     Ok(Captured { campaign, tally })
 }
 
-/// Reads a record into the sums of its segments.
-fn reduce(file: &Path) -> Result<(Reduction, Tally), Error> {
+/// Reads a record, with so many blocks in a dwell, into the sums of its segments.
+pub(crate) fn reduce(file: &Path, dwell_blocks: u64) -> Result<(Reduction, Tally), Error> {
     enum Failure {
         Record(RecordError),
         Reduction(ReductionError),
@@ -133,7 +133,7 @@ fn reduce(file: &Path) -> Result<(Reduction, Tally), Error> {
             Self::Record(error)
         }
     }
-    let mut reduction = Reduction::new(DWELL_BLOCKS, PLATEAU_BLOCKS);
+    let mut reduction = Reduction::new(dwell_blocks, PLATEAU_BLOCKS);
     let source = FileSource::open(file)?;
     let tally = record::read(source, |event, _| {
         reduction.absorb(&event).map_err(Failure::Reduction)
@@ -146,11 +146,22 @@ fn reduce(file: &Path) -> Result<(Reduction, Tally), Error> {
 }
 
 /// What the operator knows of a campaign and the instrument does not: conditions of each reading and run.
-struct Conditions {
-    dwells: Vec<(Dwell, f64, f64)>,
-    shakes: Vec<(Shake, f64, f64)>,
-    local_gravity_g: f64,
-    sample_rate_hz: f64,
+#[derive(Debug)]
+pub(crate) struct Conditions {
+    pub(crate) dwells: Vec<Taken>,
+    pub(crate) shakes: Vec<(Shake, f64, f64)>,
+    pub(crate) local_gravity_g: f64,
+    pub(crate) sample_rate_hz: f64,
+}
+
+/// A reading that was taken.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taken {
+    /// As in the record.
+    pub(crate) number: u32,
+    pub(crate) dwell: Dwell,
+    pub(crate) time_s: f64,
+    pub(crate) temp_c: f64,
 }
 
 /// A conversation with the board while the bench does what the plan says.
@@ -193,17 +204,6 @@ impl<'b> Session<'b> {
 
     fn send(&mut self, command: &Command) -> Result<(), Error> {
         self.board.send(command).map_err(Error::Usage)
-    }
-
-    /// What a self-check has to know, in terms of the volts at the converter.
-    fn set_up(&self) -> SetUp {
-        let config = self.bench.config();
-        SetUp {
-            bench: identification::bench(&config.bench),
-            nominal_v_per_g: config.instrument.scale_factor_nominal_v_per_g / FRONT_END.divider,
-            // The bench's reference is for vibration.
-            reference_v_per_g: None,
-        }
     }
 
     /// Lets the board acquire some blocks and records what it sends.
@@ -258,18 +258,14 @@ impl<'b> Session<'b> {
             [1.0; 3],
             bench.seed.stream("dwell waveform", order as u64),
         );
-        let begin = Command::StartPosition(message::Position {
-            reading: order as u32,
-            series: dwell.series.into(),
-            dial_deg: dwell.dial_deg,
-            mount_deg: dwell.mount_deg,
-            approach: match dwell.approach {
-                Approach::Clockwise => message::Approach::Cw,
-                Approach::CounterClockwise => message::Approach::Ccw,
-            },
+        let number = order as u32;
+        let begin = Command::StartPosition(position(number, &dwell));
+        self.conditions.dwells.push(Taken {
+            number,
+            dwell,
+            time_s,
+            temp_c: bench.specification.reference_temp_c + constant.excess_k,
         });
-        let temp_c = bench.specification.reference_temp_c + constant.excess_k;
-        self.conditions.dwells.push((dwell, time_s, temp_c));
         self.segment(begin, Command::StopPosition, DWELL_BLOCKS, &mut signal)
     }
 
@@ -323,12 +319,36 @@ impl<'b> Session<'b> {
     }
 }
 
+/// What the instrument is told of a reading.
+pub(crate) fn position(reading: u32, dwell: &Dwell) -> message::Position {
+    message::Position {
+        reading,
+        series: dwell.series.into(),
+        dial_deg: dwell.dial_deg,
+        mount_deg: dwell.mount_deg,
+        approach: match dwell.approach {
+            Approach::Clockwise => message::Approach::Cw,
+            Approach::CounterClockwise => message::Approach::Ccw,
+        },
+    }
+}
+
+/// What a self-check has to know of a bench, in terms of the volts at the converter.
+pub(crate) fn set_up(config: &CampaignConfig) -> SetUp {
+    SetUp {
+        bench: identification::bench(&config.bench),
+        nominal_v_per_g: config.instrument.scale_factor_nominal_v_per_g / FRONT_END.divider,
+        // The bench's reference is for vibration.
+        reference_v_per_g: None,
+    }
+}
+
 fn plateau_s(sample_rate_hz: f64) -> f64 {
     (PLATEAU_BLOCKS * u64::from(BLOCK)) as f64 / sample_rate_hz
 }
 
 /// The tables of a campaign from the sums of the record's segments.
-fn campaign(
+pub(crate) fn campaign(
     mut config: CampaignConfig,
     reduction: &Reduction,
     conditions: &Conditions,
@@ -375,9 +395,10 @@ impl Tables<'_> {
     }
 
     fn dwell(&self, order: usize) -> Result<&SegmentSums, Error> {
+        let number = self.conditions.dwells[order].number;
         self.reduction
-            .reading(order as u32)
-            .ok_or_else(|| self.bad(format!("has no blocks of reading {order}")))
+            .reading(number)
+            .ok_or_else(|| self.bad(format!("has no blocks of reading {number}")))
     }
 
     fn plateau(&self, number: usize, plateau: Plateau) -> Result<&SegmentSums, Error> {
@@ -415,17 +436,22 @@ impl Tables<'_> {
     }
 
     fn reading(&self, order: usize) -> Result<Reading, Error> {
-        let (dwell, time_s, temp_c) = &self.conditions.dwells[order];
-        let [i, p, o] = dial::nominal(dwell).map(|a| a * self.conditions.local_gravity_g);
+        let Taken {
+            number,
+            dwell,
+            time_s,
+            temp_c,
+        } = self.conditions.dwells[order];
+        let [i, p, o] = dial::nominal(&dwell).map(|a| a * self.conditions.local_gravity_g);
         Ok(Reading {
-            order: order as u64,
-            time_s: *time_s,
+            order: u64::from(number),
+            time_s,
             series: dwell.series,
             dial_deg: dwell.dial_deg,
             mount_deg: dwell.mount_deg,
             approach: dwell.approach,
             specific_force_g: SpecificForce::new(i, p, o),
-            temp_c: *temp_c,
+            temp_c,
             output_v: self.mean_v(self.dwell(order)?)?,
             sigma_v: self.dwell_sigma_v,
             unknown: Vec::new(),

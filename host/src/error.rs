@@ -31,6 +31,14 @@ pub enum Error {
         /// Why not.
         source: io::Error,
     },
+    /// An instrument does not answer as it should, or no longer.
+    #[error("{source_name}: {problem}")]
+    Link {
+        /// The port, as the user named it.
+        source_name: String,
+        /// What is wrong.
+        problem: String,
+    },
     /// A picture of the report could not be drawn.
     #[error("a picture cannot be drawn: {0}")]
     Picture(String),
@@ -68,7 +76,7 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::Read { .. } | Self::Usage(_) => 2,
-            Self::Write { .. } | Self::Picture(_) => 1,
+            Self::Write { .. } | Self::Picture(_) | Self::Link { .. } => 1,
         }
     }
 

@@ -1,5 +1,6 @@
 //! The library behind the command `vre`.
 
+pub mod attended;
 pub mod bench;
 pub mod campaign;
 pub mod capture;
@@ -8,6 +9,7 @@ pub mod diagnose;
 pub mod error;
 mod finite_record;
 pub mod identification;
+pub mod link;
 pub mod measure;
 pub mod output;
 pub mod paper;

@@ -51,6 +51,14 @@ impl Writer {
         self.out.write_all(bytes).map_err(Error::write(&self.file))
     }
 
+    /// Hands everything to the operating system, so that it survives the end of this program.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn flush(&mut self) -> Result<(), Error> {
+        self.out.flush().map_err(Error::write(&self.file))
+    }
+
     /// Hands everything to the disk and waits for it.
     ///
     /// # Errors

@@ -1,0 +1,216 @@
+//! The conversation with a live instrument: commands that are answered, everything that comes in its record.
+
+use std::io::ErrorKind;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use shared::wire::framing::Frame;
+use shared::wire::message::{Command, Event, Identity, Refusal, Segment};
+use shared::wire::version;
+
+use crate::error::Error;
+use crate::record::{Reader, RecordError, Tally, Writer};
+use crate::source::Source;
+
+/// How often a command is said before the instrument counts as deaf.
+const ATTEMPTS: u32 = 4;
+
+/// How long an answer may take.
+const ANSWER: Duration = Duration::from_millis(500);
+
+/// Blocks come a hundred times a second: after so long without a byte the line is dead.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// Bytes read at once.
+const CHUNK: usize = 4096;
+
+/// An answer to a command, by its number.
+#[derive(Clone, Copy, Debug)]
+enum Answer {
+    Done(u16),
+    Refused(u16, Refusal),
+}
+
+/// A live instrument and the record of what it says.
+#[derive(Debug)]
+pub struct Link<S> {
+    source: S,
+    writer: Writer,
+    reader: Reader,
+    identity: Option<Identity>,
+    answers: Vec<Answer>,
+    sequence: u16,
+    heard: Instant,
+}
+
+impl<S: Source> Link<S> {
+    /// Greets the instrument at the far end of `source`; what comes is appended to the record `file`.
+    ///
+    /// # Errors
+    /// [`Error::Link`] if nobody answers, or in another version; [`Error::Write`].
+    pub fn open(source: S, file: &Path) -> Result<Self, Error> {
+        let mut link = Self {
+            source,
+            writer: Writer::append(file)?,
+            reader: Reader::new(),
+            identity: None,
+            answers: Vec::new(),
+            sequence: 0,
+            heard: Instant::now(),
+        };
+        link.greet()?;
+        Ok(link)
+    }
+
+    /// Asks the instrument who it is.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn greet(&mut self) -> Result<Identity, Error> {
+        let version = version::CURRENT;
+        self.command(&Command::Hello { version })?;
+        self.identity
+            .ok_or_else(|| self.broken("the instrument does not say who it is"))
+    }
+
+    /// What was heard and what was missed.
+    pub fn tally(&self) -> Tally {
+        *self.reader.tally()
+    }
+
+    /// Says a command until it is carried out.
+    ///
+    /// # Errors
+    /// [`Error::Link`] if it is refused or not answered, or the line is dead; [`Error::Write`].
+    pub fn command(&mut self, command: &Command) -> Result<(), Error> {
+        for attempt in 0..ATTEMPTS {
+            let number = self.send(command)?;
+            let end = Instant::now() + ANSWER;
+            while Instant::now() < end {
+                self.take()?;
+                for answer in std::mem::take(&mut self.answers) {
+                    match answer {
+                        Answer::Done(sequence) if sequence == number => return Ok(()),
+                        Answer::Refused(sequence, reason) if sequence == number => {
+                            return self.refused(command, reason, attempt > 0);
+                        }
+                        // Of an attempt before; that of this one comes as well.
+                        _ => {}
+                    }
+                }
+            }
+        }
+        Err(self.broken("the instrument does not answer"))
+    }
+
+    /// A command that is said again may have been carried out, and its first answer lost.
+    fn refused(&self, command: &Command, reason: Refusal, again: bool) -> Result<(), Error> {
+        match (command, reason) {
+            (Command::StartPosition(position), Refusal::Open(Segment::Reading(open)))
+                if again && open == position.reading =>
+            {
+                Ok(())
+            }
+            (Command::StopPosition, Refusal::NotOpen) if again => Ok(()),
+            (_, Refusal::Version { minimum, current }) => Err(self.broken(format!(
+                "the instrument speaks the protocol's versions {} to {}, this program {} to {}",
+                minimum.0,
+                current.0,
+                version::MINIMUM.0,
+                version::CURRENT.0
+            ))),
+            (_, Refusal::NoHello) => Err(self.broken("the instrument was restarted")),
+            (_, reason) => Err(self.broken(format!("the instrument refuses: {reason:?}"))),
+        }
+    }
+
+    fn send(&mut self, command: &Command) -> Result<u16, Error> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = Frame::new();
+        if frame.encode(command, self.sequence).is_err() {
+            return Err(self.broken("a command is too long for a frame"));
+        }
+        match self.source.send(frame.as_bytes()) {
+            Ok(()) => Ok(self.sequence),
+            Err(error) => Err(self.broken(format!("lost: {error}"))),
+        }
+    }
+
+    /// Records what comes for so long.
+    ///
+    /// # Errors
+    /// [`Error::Link`] when the line is dead; [`Error::Write`].
+    pub fn listen(&mut self, time: Duration) -> Result<(), Error> {
+        let end = Instant::now() + time;
+        while Instant::now() < end {
+            self.take()?;
+        }
+        self.answers.clear();
+        Ok(())
+    }
+
+    /// Takes what has come, or waits as long as the source does.
+    fn take(&mut self) -> Result<(), Error> {
+        let mut bytes = [0; CHUNK];
+        match self.source.read(&mut bytes) {
+            Ok(0) => Err(self.broken("lost: the line was closed")),
+            Ok(length) => {
+                self.heard = Instant::now();
+                let bytes = &mut bytes[..length];
+                self.writer.write(bytes)?;
+                self.writer.flush()?;
+                self.hear(bytes)
+            }
+            Err(error) => match error.kind() {
+                ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => {
+                    match self.heard.elapsed() > SILENCE {
+                        true => Err(self.broken("lost: nothing was heard for two seconds")),
+                        false => Ok(()),
+                    }
+                }
+                _ => Err(self.broken(format!("lost: {error}"))),
+            },
+        }
+    }
+
+    fn hear(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
+        let Self {
+            reader,
+            identity,
+            answers,
+            source,
+            ..
+        } = self;
+        let fed = reader.feed(bytes, &mut |event, _| {
+            match event {
+                Event::Hello(who) => *identity = Some(who),
+                Event::Ack { sequence, .. } => answers.push(Answer::Done(sequence)),
+                Event::Refused { sequence, reason } => {
+                    answers.push(Answer::Refused(sequence, reason));
+                }
+                _ => {}
+            }
+            Ok::<(), RecordError>(())
+        });
+        fed.map_err(|error| Error::Link {
+            source_name: source.name(),
+            problem: error.to_string(),
+        })
+    }
+
+    /// Hands the record to the disk.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn finish(self) -> Result<Tally, Error> {
+        self.writer.finish()?;
+        Ok(self.reader.finish())
+    }
+
+    fn broken(&self, problem: impl Into<String>) -> Error {
+        Error::Link {
+            source_name: self.source.name(),
+            problem: problem.into(),
+        }
+    }
+}

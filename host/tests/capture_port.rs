@@ -1,0 +1,216 @@
+//! `vre capture --port`: the virtual board at the far end of a pseudo-terminal, a person's answers on standard input.
+
+#![cfg(unix)]
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command;
+use firmware::adc::registers::Config;
+use host::bench::board::VirtualBoard;
+use host::bench::converter::{Converter, Signal};
+use host::campaign::Campaign;
+use host::verification::verify;
+use rustix::fs::{OFlags, fcntl_setfl};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use shared::tumble::{Position, Series};
+use shared::wire::{self, Deframer};
+
+type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
+
+/// Conversions between two looks at the line.
+const STEP: u64 = 40;
+const STEP_TIME: Duration = Duration::from_millis(10);
+
+/// An instrument of 1.2 V/g behind the divider by ten, at rest on a dial that stands where the host says, with some
+/// noise.
+struct AtRest {
+    input_v: f64,
+    noise: u64,
+}
+
+impl Signal for AtRest {
+    fn fill(&mut self, _: f64, _: f64, out: &mut [[f64; 4]]) {
+        for input in out.as_flattened_mut() {
+            // Knuth's linear congruence; the upper bits.
+            let next = self.noise.wrapping_mul(6_364_136_223_846_793_005);
+            self.noise = next.wrapping_add(1_442_695_040_888_963_407);
+            *input = self.input_v + 1e-6 * (self.noise >> 40) as f64 / f64::from(1 << 24);
+        }
+    }
+}
+
+/// The virtual board at the far end of a line, running in real time.
+struct Instrument {
+    port: PathBuf,
+    ends: Arc<AtomicBool>,
+    board: Option<JoinHandle<()>>,
+}
+
+impl Instrument {
+    /// The cable is pulled after so many bytes from the host.
+    fn start(pulled_after: u64) -> Outcome<Self> {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+        grantpt(&master)?;
+        unlockpt(&master)?;
+        let mut raw = tcgetattr(&master)?;
+        raw.make_raw();
+        tcsetattr(&master, OptionalActions::Now, &raw)?;
+        fcntl_setfl(&master, OFlags::RDWR | OFlags::NONBLOCK)?;
+        let port = PathBuf::from(ptsname(&master, Vec::new())?.into_string()?);
+        let ends = Arc::new(AtomicBool::new(false));
+        let ended = Arc::clone(&ends);
+        let board = thread::spawn(move || converse(master, pulled_after, &ended));
+        Ok(Self {
+            port,
+            ends,
+            board: Some(board),
+        })
+    }
+}
+
+impl Drop for Instrument {
+    fn drop(&mut self) {
+        self.ends.store(true, Ordering::Relaxed);
+        if let Some(board) = self.board.take() {
+            board.join().expect("the board runs");
+        }
+    }
+}
+
+fn converse(master: OwnedFd, pulled_after: u64, ended: &AtomicBool) {
+    let mut line = File::from(master);
+    let mut board = VirtualBoard::new(Converter::new(Config::default()), 40, *b"virtualboard");
+    let mut commands = Deframer::new();
+    let mut heard = 0;
+    let mut signal = AtRest {
+        input_v: 0.0,
+        noise: 1,
+    };
+    let mut bytes = [0; 1024];
+    while !ended.load(Ordering::Relaxed) && heard < pulled_after {
+        let begun = Instant::now();
+        // Nobody at the other end is no trouble.
+        if let Ok(length) = line.read(&mut bytes) {
+            board.receive(&bytes[..length]);
+            turn(&mut commands, &bytes[..length], &mut signal);
+            heard += length as u64;
+        }
+        board.run(STEP, &mut signal, &mut |bytes| {
+            // What does not fit is lost, as on a line.
+            let _ = line.write(bytes);
+        });
+        thread::sleep(STEP_TIME.saturating_sub(begun.elapsed()));
+    }
+}
+
+/// The dial is where the reading says.
+fn turn(commands: &mut Deframer, mut bytes: &[u8], signal: &mut AtRest) {
+    while !bytes.is_empty() {
+        let (taken, packet) = commands.feed(bytes);
+        bytes = &bytes[taken..];
+        let Some(Ok(packet)) = packet else { continue };
+        if let Ok(wire::Command::StartPosition(position)) = packet.message() {
+            let dial = Position {
+                series: Series::try_from(position.series).expect("a series"),
+                dial_deg: position.dial_deg,
+                mount_deg: position.mount_deg,
+            };
+            signal.input_v = 0.12 * dial.specific_force().i;
+        }
+    }
+}
+
+fn bench(folder: &Path) -> Outcome<PathBuf> {
+    let file = folder.join("bench.toml");
+    let text = r#"format = "vre-campaign/1"
+[instrument]
+serial = "S01000"
+scale_factor_nominal_v_per_g = 1.2
+full_scale_g = 10.0
+[bench]
+dial_sigma_arcsec = 1.0
+level_sigma_arcsec = 1.0
+local_gravity_g = 1.0
+reference_temp_c = 22.0
+[acquisition]
+sample_rate_hz = 400.0
+"#;
+    std::fs::write(&file, text)?;
+    Ok(file)
+}
+
+fn capture(port: &Path, folder: &Path, answers: &str) -> Outcome<assert_cmd::assert::Assert> {
+    let mut command = Command::cargo_bin("vre")?;
+    command.args([
+        "capture", "--plan", "paper", "--dwell", "0.2", "--settle", "0.02",
+    ]);
+    command.arg("--port").arg(port);
+    command.arg("--bench").arg(bench(folder)?);
+    command.arg("--out").arg(folder.join("campaign"));
+    Ok(command.write_stdin(answers).assert())
+}
+
+#[test]
+fn a_person_walks_through_the_plan_and_host_and_instrument_agree() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let instrument = Instrument::start(u64::MAX)?;
+    // The paper's 48 positions, two of them left out.
+    let answers = format!("s\n{}s\n", "\n".repeat(46));
+    let assert = capture(&instrument.port, folder.path(), &answers)?.success();
+    let told = String::from_utf8(assert.get_output().stdout.clone())?;
+    assert!(told.contains("1 of 48: series 1, mounted at 0 deg: dial 0 deg, counter-clockwise"));
+    assert!(told.contains("46 readings, 2 positions left out"), "{told}");
+    assert!(told.contains("0 missing with 0 frames lost"), "{told}");
+    let out = folder.path().join("campaign");
+    assert_eq!(Campaign::read(&out)?.readings.len(), 46);
+    let found = verify(&out)?;
+    assert!(found.agrees(), "{found:?}");
+    assert_eq!(found.instrument.readings, 46);
+    Ok(())
+}
+
+#[test]
+fn a_cable_pulled_in_the_middle_is_one_line_and_what_was_captured_remains() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    // Greeting, self-check and some positions.
+    let instrument = Instrument::start(400)?;
+    let answers = "\n".repeat(48);
+    let assert = capture(&instrument.port, folder.path(), &answers)?.code(1);
+    let told = String::from_utf8(assert.get_output().stderr.clone())?;
+    let port = instrument.port.display();
+    assert_eq!(told.lines().count(), 1, "{told}");
+    assert!(
+        told.starts_with(&format!("error: {port}: lost: ")),
+        "{told}"
+    );
+    let out = folder.path().join("campaign");
+    let readings = Campaign::read(&out)?.readings.len();
+    assert!((1..48).contains(&readings), "{readings}");
+    assert!(out.join("record.vre").metadata()?.len() > 10_000);
+    // Nothing is written over.
+    let again = Instrument::start(u64::MAX)?;
+    capture(&again.port, folder.path(), "q\n")?.code(2);
+    assert_eq!(Campaign::read(&out)?.readings.len(), readings);
+    Ok(())
+}
+
+#[test]
+fn a_port_without_an_instrument_is_one_line() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let instrument = Instrument::start(0)?;
+    let missing = folder.path().join("no-such-port");
+    for (port, status) in [(missing, 2), (instrument.port.clone(), 2)] {
+        let assert = capture(&port, folder.path(), "")?.code(status);
+        let told = String::from_utf8(assert.get_output().stderr.clone())?;
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+    Ok(())
+}
