@@ -127,6 +127,17 @@ impl Bench {
         faults.collect()
     }
 
+    /// Code and index of every sample differ by the same number: no sample has the index of another.
+    fn indices_tell_the_conversions(&self) {
+        let whole = |block: &&Block| u64::from(block.count) == BLOCK && block.lost == 0;
+        let mut blocks = self.blocks().filter(whole).map(|block| {
+            let indices = BLOCK * block.first_sample + BLOCK * (BLOCK - 1) / 2;
+            block.moments.sum[0] - indices as i64
+        });
+        let first = blocks.next();
+        assert!(blocks.all(|off| Some(off) == first));
+    }
+
     /// The blocks that were heard leave no hole: samples and losses in them.
     fn without_hole(&self) -> (u64, u64) {
         let mut next = None;
@@ -145,8 +156,7 @@ impl Bench {
 /// What a fault and its end cost.
 #[derive(Debug)]
 struct Cost {
-    conversions: u64,
-    /// Of these.
+    /// Conversions.
     lost: u64,
     set_ups: u32,
 }
@@ -181,17 +191,16 @@ fn ride_out(bench: &mut Bench, faults: ConverterFaults, time: Duration) -> Resul
     assert_eq!(after.state.lost, mended.state.lost, "{:?}", bench.faults());
     assert!(after.state.samples - mended.state.samples >= bench.rate_hz / 10);
     assert_eq!(after.state.dropped_frames, 0);
+    if set_ups == 0 {
+        bench.indices_tell_the_conversions();
+    }
     let (in_blocks, lost_in_blocks) = bench.without_hole();
     assert_eq!(lost_in_blocks, lost);
     assert!(
         in_blocks.abs_diff(samples) <= 2 * BLOCK,
         "{in_blocks} {samples}"
     );
-    Ok(Cost {
-        conversions,
-        lost,
-        set_ups,
-    })
+    Ok(Cost { lost, set_ups })
 }
 
 /// Five standard deviations of so many chances of so much each, and what begins or ends halfway.
@@ -360,6 +369,14 @@ fn overload(clock_hz: u32) -> Result<Count, Error> {
         (at_least..=at_most).contains(&streamed),
         "{at_least} {streamed} {at_most}"
     );
+    // No sample has the index of another.
+    let raw_frames = bench.heard.iter().filter_map(|heard| match heard {
+        Heard::Raw(first, samples) => Some(samples.first()?[0] as i64 - *first as i64),
+        _ => None,
+    });
+    let mut off: Vec<_> = raw_frames.collect();
+    off.dedup();
+    assert!(off.len() <= 1, "{off:?}");
     // Samples of one raw frame follow each other as they were converted.
     for heard in &bench.heard {
         if let Heard::Raw(_, samples) = heard {
