@@ -55,7 +55,7 @@ impl ConversionCount {
     /// Before the first conversion.
     pub fn new(config: &Config) -> Self {
         let cycles = u64::from(config.oversampling.clock_cycles());
-        let period = (cycles * 1_000_000 << FRACTION) / u64::from(config.clock_hz.max(1));
+        let period = ((cycles * 1_000_000) << FRACTION) / u64::from(config.clock_hz.max(1));
         // At the most 16 384 cycles of a clock of 1 Hz.
         let nominal = i64::try_from(period).unwrap_or(i64::MAX >> FRACTION);
         Self {

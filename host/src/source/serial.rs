@@ -49,7 +49,7 @@ impl SerialSource {
 
 impl Read for SerialSource {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        (&self.port).read(buffer)
+        self.port.read(buffer)
     }
 }
 
@@ -59,6 +59,6 @@ impl Source for SerialSource {
     }
 
     fn send(&mut self, frame: &[u8]) -> io::Result<()> {
-        (&self.port).write_all(frame)
+        self.port.write_all(frame)
     }
 }

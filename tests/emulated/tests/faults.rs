@@ -470,7 +470,7 @@ fn a_minute_of_garbage_on_the_line_is_rejected_and_nothing_is_lost() -> Result<(
     let mut random = Random::new(5);
     for _ in 0..60 {
         // In bursts as fast as the line goes.
-        let garbage: Vec<u8> = (0..GARBAGE).map(|_| random.next() as u8).collect();
+        let garbage: Vec<u8> = (0..GARBAGE).map(|_| random.number() as u8).collect();
         bench.host.board.send(&garbage);
         bench.listen(milliseconds(1000))?;
     }
