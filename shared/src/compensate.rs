@@ -30,7 +30,8 @@ pub enum Source {
     /// The triaxial reference accelerometer, channels 1 to 3. It must sense gravity too: M|a| is taken about its zero.
     #[default]
     Reference,
-    /// The instrument's own signal on IA; cross-couplings are left out. For an instrument that follows the vibration.
+    /// The instrument's own signal on IA; cross-couplings are left out. For an instrument that follows the vibration. Its
+    /// moments hold its nonlinearity too: at a0 = 0 a square is off by 2 k2 m3/m2 + 2 k3 m4/m2 of itself.
     Instrument,
 }
 
@@ -58,7 +59,8 @@ impl Quality {
     pub const COEFFICIENTS_MISSING: u8 = 1 << 2;
     /// The coefficients' plan left a direction undetermined, which the uncertainty does not cover.
     pub const PLAN_BLIND: u8 = 1 << 3;
-    /// The vibration's mean-square frequency is above the band for which the compensation is claimed.
+    /// The vibration's mean-square frequency is above the band for which the compensation is claimed. Two or three periods
+    /// in a block tell that frequency to some 5 %.
     pub const OUT_OF_BAND: u8 = 1 << 4;
     /// Newton's method did not settle: no specific force gives this output.
     pub const NO_SOLUTION: u8 = 1 << 5;
