@@ -16,5 +16,6 @@ fn main() {
     println!("cargo:rustc-link-search={}", root.display());
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
+        println!("cargo:rustc-link-arg-examples={argument}");
     }
 }

@@ -4,10 +4,10 @@
 //! embedded-hal or over a board's own [`bus`].
 //! The facts are from the data sheet SBAS890 (and SBAS950 of the eight-channel sibling, where it says more).
 //!
-//! **Losing nothing unnoticed.** Each conversion has an index, counted from the DRDY edges that a timer counts
-//! in hardware ([`count`]), not from what the software saw. The converter keeps two conversions: when one was
-//! not read in time, the next frame brings the older one. The driver then reads both and throws them away, since
-//! after a gap it cannot be known which conversions they are, and says how many were lost.
+//! **Losing nothing unnoticed.** Each conversion has an index, counted from the DRDY edges that timers count and
+//! stamp in hardware ([`count`]), not from what the software saw. The converter keeps two conversions: when one was
+//! not read in time, the next frame brings the older one. The driver then throws away what there is, since
+//! after a gap it cannot be known which conversions they are, goes on with the next one, and says how many were lost.
 
 pub mod bus;
 pub mod count;
@@ -105,15 +105,21 @@ pub enum Reset {
 pub struct Conversion {
     /// Conversions before this one since the first [`Ads131m04::initialise`], read or not.
     pub index: u64,
-    /// When it was read, on the clock of [`Timers`].
+    /// When DRDY told of it, on the clock of [`Timers`].
     pub time_us: u64,
     /// Codes of the four channels, 24 bits with sign.
     pub codes: [i32; 4],
 }
 
-/// Conversions thrown away after set-up: the two that wait in the converter, three until the sinc3 filter holds
-/// nothing from before, and as many more as the first check of the register map takes at 32 kSPS.
-const SETTLING: usize = 10;
+/// Conversion periods between set-up and the first conversion that is read: three until the sinc3 filter holds nothing
+/// from before, as many more as the first check of the register map takes at 32 kSPS, and enough to tell the beat.
+const SETTLING: u32 = 10;
+
+/// Frames in which the converter's two conversions and those that are made meanwhile are read away, even at 32 kSPS.
+const EMPTYING: usize = 16;
+
+/// Conversion periods without a frame on the bus, in which DRDY falls at least once.
+const QUIET: u32 = 2;
 
 /// How many conversion periods DRDY may stay away.
 const PATIENCE: u32 = 4;
@@ -129,6 +135,10 @@ pub struct Ads131m04<BUS, RESET> {
     count: ConversionCount,
     /// The last frame failed, so that the converter may still hold its conversion.
     behind: bool,
+    /// It is not known which conversions wait in the converter.
+    astray: bool,
+    /// The conversion that came after those that [`Self::next`] told to be lost.
+    fresh: Option<Fetched>,
 }
 
 impl<SPI, DRDY, RESET, DELAY, TIMERS> Ads131m04<HalBus<SPI, DRDY, DELAY, TIMERS>, RESET>
@@ -167,6 +177,8 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
             config,
             count: ConversionCount::new(&config),
             behind: false,
+            astray: false,
+            fresh: None,
         }
     }
 
@@ -177,12 +189,13 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
 
     /// Conversions that the converter has made since the first [`Self::initialise`], as far as accounted for.
     pub fn conversions(&self) -> u64 {
-        self.count.index()
+        let untold = u64::from(self.fresh.is_some());
+        self.count.index().saturating_sub(untold)
     }
 
     /// True while there is a conversion that [`Self::next`] will give without waiting.
     pub fn has_fetched(&self) -> bool {
-        self.bus.has_fetched()
+        self.fresh.is_some() || self.bus.has_fetched()
     }
 
     /// The clock of its timers, microseconds.
@@ -206,7 +219,6 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
     /// # Errors
     /// Any but [`Error::Overrun`]; the converter is then not to be used.
     pub async fn initialise(&mut self, how: Reset) -> Result<(), Error> {
-        self.count.doubt();
         match how {
             Reset::Pin => {
                 self.reset.set_low().map_err(|e| Error::Pin(e.kind()))?;
@@ -249,19 +261,40 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         self.settle().await
     }
 
-    /// Reads away what is older than the set-up.
+    /// Lets the filter settle and the timers measure the beat, with nothing on the bus; then reads away what there is.
     async fn settle(&mut self) -> Result<(), Error> {
-        self.fetch().await?;
-        let mut status = self.exchange(Command::Null).await?.status();
-        for _ in 2..SETTLING {
-            status = self.fetch().await?.response?.status();
-        }
+        let first = self.bus.edge();
+        self.pause_us(SETTLING * self.count.period_us()).await;
+        let last = self.bus.edge();
+        let status = self.exchange(Command::Null).await?.status();
         if !status.is_sound_but_for(0) {
             return Err(Error::Status(status));
         }
+        if last.count == first.count {
+            return Err(self.timeout());
+        }
+        self.count.measure(first, last);
+        self.astray = !self.empty().await?;
+        if self.astray {
+            // Too fast to be read, but not to be counted.
+            self.pause_us(QUIET * self.count.period_us()).await;
+        }
+        let fetched = self.fetch().await?;
+        fetched.response?;
+        self.count.begin(fetched.edge);
         self.behind = false;
-        self.count.begin(self.bus.drdy_edges(), self.bus.now_us());
+        self.fresh = None;
         Ok(())
+    }
+
+    /// Reads conversions away until none is left; false if they come faster.
+    async fn empty(&mut self) -> Result<bool, Error> {
+        for _ in 0..EMPTYING {
+            if !self.exchange(Command::Null).await?.status().has_data() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Waits for the next conversion and reads it.
@@ -270,50 +303,59 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
     /// Any. Conversions that an error costs are missing from the indices of those that follow. Where
     /// [`Error::needs_initialise`], call [`Self::initialise`] before the next call.
     pub async fn next(&mut self) -> Result<Conversion, Error> {
-        loop {
-            let fetched = match self.fetch().await {
-                Ok(fetched) => fetched,
-                Err(error) => {
-                    self.count.doubt();
-                    return Err(error);
-                }
-            };
-            match self.count.account(fetched.edges, fetched.time_us) {
-                0 => self.clear(&fetched).await?,
-                1 => return self.read(&fetched).await,
-                lost => return Err(self.discard(lost).await),
+        if let Some(fetched) = self.fresh.take() {
+            return self.read(&fetched).await;
+        }
+        let fetched = self.fetch().await?;
+        match self.count.account(fetched.edge) {
+            1 if !self.astray => self.read(&fetched).await,
+            passed => self.catch_up(passed).await,
+        }
+    }
+
+    /// Several conversions wait, or one that made no edge, or DRDY is low for no reason. Throws away what there is, since
+    /// it cannot be known which conversions they are; the next one is known by the time of its edge.
+    async fn catch_up(&mut self, passed: u32) -> Result<Conversion, Error> {
+        self.astray = true;
+        if !self.empty().await? {
+            self.pause_us(QUIET * self.count.period_us()).await;
+            return Err(Error::Overrun { lost: passed });
+        }
+        let fetched = self.fetch().await?;
+        let again = self.count.account(fetched.edge);
+        if again == 0 {
+            return Err(self.idle().await);
+        }
+        self.astray = false;
+        self.behind = false;
+        match passed.saturating_add(again).saturating_sub(1) {
+            0 => self.read(&fetched).await,
+            lost => {
+                self.fresh = Some(fetched);
+                Err(Error::Overrun { lost })
             }
         }
     }
 
-    /// After a gap it cannot be known which conversions the converter holds: throws all away, two at the most, and those
-    /// fetched meanwhile.
-    async fn discard(&mut self, lost: u32) -> Error {
-        if let Err(error) = self.exchange(Command::Null).await {
-            // The converter may hold one still: the next gap tells.
-            self.behind = true;
-            return error;
-        }
-        let (edges, now_us) = (self.bus.drdy_edges(), self.bus.now_us());
-        self.behind = false;
-        Error::Overrun {
-            lost: lost.saturating_add(self.count.account(edges, now_us)),
+    /// DRDY is low and nothing is converted. The pause keeps that from taking all the time.
+    async fn idle(&mut self) -> Error {
+        let elapsed_us = self.count.elapsed_us(self.bus.now_us());
+        self.pause_half_a_period().await;
+        if elapsed_us < u64::from(self.patience_us()) {
+            Error::NoData
+        } else {
+            self.timeout()
         }
     }
 
-    /// DRDY is low without an edge. The edge was accounted for when it came while older conversions were thrown
-    /// away: then this one is too. Otherwise the pin is stuck; the pause keeps it from taking all the time.
-    async fn clear(&mut self, fetched: &Fetched) -> Result<(), Error> {
-        if fetched.response?.status().has_data() {
-            return Ok(());
+    fn patience_us(&self) -> u32 {
+        PATIENCE * self.count.period_us()
+    }
+
+    fn timeout(&self) -> Error {
+        Error::DrdyTimeout {
+            waited_us: self.patience_us(),
         }
-        self.count.doubt();
-        self.pause_half_a_period().await;
-        let waited_us = PATIENCE * self.count.period_us();
-        if self.count.elapsed_us(fetched.time_us) < u64::from(waited_us) {
-            return Err(Error::NoData);
-        }
-        Err(Error::DrdyTimeout { waited_us })
     }
 
     /// Reads the one conversion that the last edge announced.
@@ -330,9 +372,10 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         if behind {
             // The first may have been the conversion whose frame failed; then there is a second one.
             let second = self.exchange(Command::Null).await?;
-            if self.bus.drdy_edges() != fetched.edges {
-                // Or the second is a later one.
-                return Err(self.discard(1).await);
+            if self.bus.edge().count != fetched.edge.count {
+                // Or the second is a later one: the next call catches up.
+                self.astray = true;
+                return Err(Error::Overrun { lost: 1 });
             }
             if second.status().has_data() {
                 response = second;
@@ -341,20 +384,18 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         self.behind = false;
         Ok(Conversion {
             index: self.count.index().saturating_sub(1),
-            time_us: fetched.time_us,
+            time_us: fetched.edge.time_us,
             codes: response.codes,
         })
     }
 
+    /// The next conversion in order, whichever it is.
     async fn fetch(&mut self) -> Result<Fetched, Error> {
-        let waited_us = PATIENCE * self.count.period_us();
-        self.bus
-            .fetch(waited_us)
-            .await
-            .map_err(|error| match error {
-                FetchError::Timeout => Error::DrdyTimeout { waited_us },
-                FetchError::Pin(error) => Error::Pin(error),
-            })
+        match self.bus.fetch(self.patience_us()).await {
+            Ok(fetched) => Ok(fetched),
+            Err(FetchError::Timeout) => Err(self.timeout()),
+            Err(FetchError::Pin(error)) => Err(Error::Pin(error)),
+        }
     }
 
     /// Sends a command and demands an answer to the one before it.

@@ -16,6 +16,9 @@ use crate::link::{AcquisitionEnd, Action, RawSamples, Report};
 /// How long to wait before a converter that could not be set up is tried again.
 const RETRY_US: u32 = 10_000;
 
+/// Kinds of [`Fault`].
+const TROUBLES: usize = 9;
+
 impl From<adc::Error> for Fault {
     fn from(error: adc::Error) -> Self {
         match error {
@@ -66,8 +69,8 @@ pub struct Sampler<'q> {
     checksum_errors: u32,
     resets: u32,
     last_fault: Option<Fault>,
-    /// The conversion before went wrong, in this way.
-    trouble: Option<core::mem::Discriminant<Fault>>,
+    /// What went wrong since the last sound conversion.
+    troubles: heapless::Vec<core::mem::Discriminant<Fault>, TROUBLES>,
 }
 
 impl<'q> Sampler<'q> {
@@ -91,7 +94,7 @@ impl<'q> Sampler<'q> {
             checksum_errors: 0,
             resets: 0,
             last_fault: None,
-            trouble: None,
+            troubles: heapless::Vec::new(),
         }
     }
 
@@ -113,7 +116,7 @@ impl<'q> Sampler<'q> {
     /// Takes a conversion; those between it and the one before were lost.
     #[inline]
     pub fn take(&mut self, conversion: &Conversion) {
-        self.trouble = None;
+        self.troubles.clear();
         self.reach(conversion.index);
         self.next = conversion.index.saturating_add(1);
         self.samples += 1;
@@ -151,7 +154,8 @@ impl<'q> Sampler<'q> {
         let fault = Fault::from(error);
         self.last_fault = Some(fault);
         let kind = core::mem::discriminant(&fault);
-        if self.trouble.replace(kind) != Some(kind) {
+        // What there is no room for is not told.
+        if !self.troubles.contains(&kind) && self.troubles.push(kind).is_ok() {
             let sample = self.next;
             self.link.offer(Report::Fault { sample, fault });
         }

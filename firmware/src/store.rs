@@ -74,6 +74,9 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// What is kept. It is `None` with a fault, and without one if nothing was ever kept or it was erased.
+    ///
+    /// [`StoreFault::Flash`]: reading fails; [`StoreFault::Version`]: the record is of another version;
+    /// [`StoreFault::Corrupt`]: it is none that can be, or went bad. The flash is only read.
     pub async fn load(&mut self) -> (Option<Configuration>, Kept) {
         let (writes, configuration, fault) = match self.recover().await {
             Ok(Some((writes, configuration))) => (writes, configuration, None),
@@ -87,8 +90,12 @@ impl<F: NorFlash> Store<F> {
         (configuration, kept)
     }
 
-    /// Keeps a configuration, or none, in place of what was kept, which stays if there is a fault. Takes as long as
+    /// Keeps a configuration, or none, in place of what was kept, and tells what is kept then. Takes as long as
     /// writing one slot, and every now and then as long as erasing a sector.
+    ///
+    /// What was kept stays with [`StoreFault::Verify`]: what is read back is not what was written, or no slot can be
+    /// written any more; and with [`StoreFault::Corrupt`]: the configuration cannot be. With [`StoreFault::Flash`] it is
+    /// that or the new one.
     pub async fn keep(&mut self, configuration: Option<&Configuration>) -> Kept {
         let fault = self.replace(configuration).await.err();
         let (_, kept) = self.load().await;

@@ -151,7 +151,7 @@ const QUIET_RMS_G: f64 = 1e-3;
 /// Largest magnitude of a code that counts as within range.
 const FULL_SCALE: i32 = (1 << 23) - 1;
 
-/// Newton steps; the error shrinks at least a hundredfold with each.
+/// Newton steps at the most; the error shrinks at least a hundredfold with each.
 const STEPS: usize = 4;
 
 impl<T: Real> Compensator<T> {
@@ -206,10 +206,14 @@ impl<T: Real> Compensator<T> {
     /// What the inversion of (1) takes from the instrument's output of this sample, g; `before` are the one and the two
     /// before it.
     #[inline]
-    fn removed_g(&self, codes: [i32; CHANNELS], before: Option<[[i32; CHANNELS]; 2]>) -> T {
+    fn removed_g(
+        &self,
+        codes: [i32; CHANNELS],
+        before: Option<([i32; CHANNELS], [i32; CHANNELS])>,
+    ) -> T {
         // Codes have 24 bits: nothing wraps.
         let sharpened_g = |k: usize, zero: i32| {
-            let bend = before.map_or(0, |[one, two]| {
+            let bend = before.map_or(0, |(one, two)| {
                 let step = codes[k].wrapping_sub(one[k]);
                 one[k].wrapping_sub(two[k]).wrapping_sub(step)
             });
@@ -266,20 +270,27 @@ impl<T: Real> Compensator<T> {
         };
         let c = &calibration.coefficients;
         let mut a = SpecificForce::new(mean_g, transverse[0], transverse[1]);
-        let mut sensitivity = sensitivity(a.i, &vibration);
         // What is to be taken from the output, so that a.i = mean_g - removed_g.
         let mut removed_g = T::zero();
-        let mut correction = T::zero();
-        for _ in 0..STEPS {
-            sensitivity = self::sensitivity(a.i, &vibration);
+        let settled = |correction: T, a: T| {
+            correction.abs() <= T::epsilon() * T::lit(16.0) * (T::one() + a.abs())
+        };
+        let mut sensitivity = sensitivity(a.i, &vibration);
+        let mut steps = 0;
+        loop {
             let excess = c.error_g(a) + sensitivity.vre_g(c) - removed_g;
-            correction = excess / c.gradient(a).i;
+            let correction = excess / c.gradient(a).i;
             removed_g += correction;
             a.i = mean_g - removed_g;
-        }
-        let settled = correction.abs() <= T::epsilon() * T::lit(16.0) * (T::one() + a.i.abs());
-        if !settled {
-            quality |= Quality::NO_SOLUTION;
+            if settled(correction, a.i) {
+                break;
+            }
+            steps += 1;
+            if steps == STEPS {
+                quality |= Quality::NO_SOLUTION;
+                break;
+            }
+            sensitivity = self::sensitivity(a.i, &vibration);
         }
         let vre_g = sensitivity.vre_g(c);
         if self.mode == Mode::Pointwise && !lost {
@@ -357,8 +368,9 @@ pub struct CompensatorState<T> {
     before_last: Option<[i32; CHANNELS]>,
     /// Steps from sample to sample; one less than samples after a gap.
     steps: u32,
-    /// Sums of their squares of the instrument and the reference's I, codes^2.
-    squared_steps: [i64; 2],
+    /// Sums of their squares of the instrument and the reference's I, codes^2. The codes have 24 bits and a block less
+    /// than 2^16 samples: no overflow.
+    squared_steps: [u64; 2],
     /// Samples below the zero code, of the same two.
     below: [u32; 2],
     /// What point-wise inversion took out, summed over the block, g.
@@ -382,15 +394,18 @@ impl<T: Real> CompensatorState<T> {
     /// Takes one sample of four codes.
     #[inline]
     pub fn push(&mut self, compensator: &Compensator<T>, codes: [i32; CHANNELS]) {
-        let last = self.last.unwrap_or(codes);
-        self.steps = self.steps.saturating_add(u32::from(self.last.is_some()));
+        if let Some(last) = &self.last {
+            for k in 0..2 {
+                let step = u64::from(codes[k].abs_diff(last[k]));
+                self.squared_steps[k] = self.squared_steps[k].wrapping_add(step * step);
+            }
+            self.steps = self.steps.wrapping_add(1);
+        }
         for k in 0..2 {
-            let step = i64::from(codes[k]) - i64::from(last[k]);
-            self.squared_steps[k] = self.squared_steps[k].saturating_add(step * step);
             self.below[k] += u32::from(codes[k] < compensator.zero[k]);
         }
         if compensator.mode == Mode::Pointwise {
-            let before = self.before_last.map(|two| [last, two]);
+            let before = self.last.zip(self.before_last);
             self.removed_g += compensator.removed_g(codes, before);
             self.before_last = self.last;
         }
@@ -430,7 +445,8 @@ impl<T: Real> CompensatorState<T> {
                 half_step: T::zero(),
             };
         }
-        let mean_square_step = T::from_i64(self.squared_steps[channel]) / steps;
+        let mean_square_step =
+            T::from_i64(self.squared_steps[channel].min(i64::MAX as u64) as i64) / steps;
         let half_step = (mean_square_step / (T::lit(4.0) * variance)).min(T::one());
         let s2 = half_step.min(T::lit(0.5));
         let gain = T::one()

@@ -22,6 +22,9 @@ use crate::model::{Coefficients, NOMINAL};
 use crate::scalar::Real;
 use crate::vibration::{AbsoluteMean, Moments};
 
+/// The coefficients that rectify, in the order of [`Coefficients::to_nominal`]: all but K1, bias and misalignments.
+const RECTIFYING: [usize; 7] = [2, 3, 4, 5, 8, 9, 10];
+
 /// Derivatives of the vibration error (g) by the coefficients of the output model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensitivity<T> {
@@ -76,13 +79,18 @@ impl<T: Real> Sensitivity<T> {
         sum
     }
 
-    /// The variance that a covariance of the eleven coefficients gives the predicted vibration error, g^2.
+    /// The variance that a covariance of the eleven coefficients gives the predicted vibration error, g^2; its lower
+    /// triangle is taken.
     pub fn variance_g2(&self, covariance: &[[T; NOMINAL]; NOMINAL]) -> T {
+        let two = T::lit(2.0);
         let mut sum = T::zero();
-        for (row, s) in covariance.iter().zip(self.nominal) {
-            for (c, t) in row.iter().zip(self.nominal) {
-                sum += s * *c * t;
+        for (n, &j) in RECTIFYING.iter().enumerate() {
+            let s = self.nominal[j];
+            let mut others = T::zero();
+            for &k in &RECTIFYING[..n] {
+                others += covariance[j][k] * self.nominal[k];
             }
+            sum += s * (covariance[j][j] * s + two * others);
         }
         sum
     }

@@ -15,7 +15,7 @@ use embedded_hal_mock::eh1::digital::{
 };
 use embedded_hal_mock::eh1::spi::{Mock as SpiMock, Transaction as SpiTransaction};
 use firmware::adc::bus::HalBus;
-use firmware::adc::count::Timers;
+use firmware::adc::count::{Edge, Timers};
 use firmware::adc::registers::{Config, Register, Status};
 use firmware::adc::{Ads131m04, Error, Reset};
 
@@ -57,6 +57,7 @@ const NULL: &[u16] = &[0x0000];
 const AFTER_RESET: u16 = 0x0500;
 const SET_UP: u16 = 0x0100;
 const READY: u16 = 0x810F;
+const EMPTY: u16 = 0x8100;
 const CODES: [i32; 4] = [1, -2, 8_388_607, -8_388_608];
 
 /// Everything up to the settings: 0xFF24 after a reset, then register ID.
@@ -96,7 +97,7 @@ fn set_up() -> Script {
     }
     script.push((to_converter(&[0x0555]), from_converter(SET_UP, [0; 4])));
     script.push((to_converter(NULL), from_converter(0x0555, [0; 4])));
-    script.extend((0..10).map(|_| read(READY, [7; 4])));
+    script.extend([READY, READY, EMPTY, READY].map(|status| read(status, [7; 4])));
     script
 }
 
@@ -117,7 +118,7 @@ struct Pins(Rc<World>);
 #[derive(Default)]
 struct World {
     now_us: Cell<u64>,
-    edges: Cell<u32>,
+    edge: Cell<Edge>,
     waits: RefCell<VecDeque<Drdy>>,
 }
 
@@ -130,9 +131,11 @@ impl Wait for Pins {
         let wait = self.0.waits.borrow_mut().pop_front();
         match wait.unwrap_or(Drdy::Edges(1)) {
             Drdy::Edges(edges) => {
-                self.0.edges.set(self.0.edges.get() + edges);
                 let passed = PERIOD_US * u64::from(edges);
-                self.0.now_us.set(self.0.now_us.get() + passed);
+                let time_us = self.0.now_us.get() + passed;
+                self.0.now_us.set(time_us);
+                let count = self.0.edge.get().count + edges;
+                self.0.edge.set(Edge { count, time_us });
             }
             Drdy::Low => {}
             Drdy::Never => pending().await,
@@ -155,15 +158,21 @@ impl Wait for Pins {
 
 impl DelayNs for Pins {
     async fn delay_ns(&mut self, ns: u32) {
-        self.0
-            .now_us
-            .set(self.0.now_us.get() + u64::from(ns / 1000));
+        let (now_us, passed_us) = (self.0.now_us.get(), u64::from(ns / 1000));
+        self.0.now_us.set(now_us + passed_us);
+        let edges = passed_us / PERIOD_US;
+        if edges > 0 {
+            self.0.edge.set(Edge {
+                count: self.0.edge.get().count + edges as u32,
+                time_us: now_us + edges * PERIOD_US,
+            });
+        }
     }
 }
 
 impl Timers for Pins {
-    fn drdy_edges(&mut self) -> u32 {
-        self.0.edges.get()
+    fn edge(&mut self) -> Edge {
+        self.0.edge.get()
     }
     fn now_us(&mut self) -> u64 {
         self.0.now_us.get()
@@ -313,16 +322,17 @@ fn drdy_that_stays_high_is_a_timeout() {
 
 #[test]
 fn drdy_that_stays_low_is_a_timeout_after_four_periods() {
-    let nothing = || read(0x8100, [0; 4]);
-    let script = set_up_then((0..9).map(|_| nothing()).collect());
+    let nothing = || read(EMPTY, [0; 4]);
+    // Each call reads twice and looks once whether anything is left.
+    let script = set_up_then((0..27).map(|_| nothing()).collect());
     with_driver(script, 1, async |driver, world| {
         driver.initialise(Reset::Pin).await.expect("set up");
         let began_us = world.now_us.get();
         for _ in 0..8 {
-            waits(world, &[Drdy::Low]);
+            waits(world, &[Drdy::Low, Drdy::Low]);
             assert_eq!(driver.next().await, Err(Error::NoData));
         }
-        waits(world, &[Drdy::Low]);
+        waits(world, &[Drdy::Low, Drdy::Low]);
         let error = driver.next().await;
         assert_eq!(error, Err(Error::DrdyTimeout { waited_us: 1000 }));
         assert_eq!(world.now_us.get() - began_us, 1125);
@@ -336,6 +346,7 @@ fn conversions_that_were_not_read_in_time_are_counted_by_their_edges() {
         // Whatever the converter kept is thrown away.
         read(READY, [2; 4]),
         read(READY, [6; 4]),
+        read(EMPTY, [6; 4]),
         read(READY, [7; 4]),
     ]);
     with_driver(script, 1, async |driver, world| {
@@ -345,6 +356,26 @@ fn conversions_that_were_not_read_in_time_are_counted_by_their_edges() {
         assert_eq!(driver.next().await, Err(Error::Overrun { lost: 5 }));
         let after = driver.next().await.expect("sound");
         assert_eq!((after.index, after.codes), (6, [7; 4]));
+    });
+}
+
+#[test]
+fn a_conversion_without_an_edge_is_counted_by_the_time_of_the_next() {
+    let script = set_up_then(vec![
+        read(READY, [1; 4]),
+        // It ended while the one before went over the bus.
+        read(READY, [2; 4]),
+        read(EMPTY, [2; 4]),
+        read(READY, [3; 4]),
+    ]);
+    with_driver(script, 1, async |driver, world| {
+        driver.initialise(Reset::Pin).await.expect("set up");
+        driver.next().await.expect("sound");
+        world.now_us.set(world.now_us.get() + PERIOD_US);
+        waits(world, &[Drdy::Low, Drdy::Edges(1)]);
+        assert_eq!(driver.next().await, Err(Error::Overrun { lost: 1 }));
+        let after = driver.next().await.expect("sound");
+        assert_eq!((after.index, after.codes), (2, [3; 4]));
     });
 }
 
@@ -360,7 +391,7 @@ fn a_converter_reset_by_something_else_is_noticed_and_set_up_anew() {
         assert!(error.needs_initialise());
         driver.initialise(Reset::Pin).await.expect("set up again");
         let after = driver.next().await.expect("sound");
-        // One failed; nine edges and the reset's 312 + 10 microseconds are ten periods.
-        assert_eq!((after.index, after.codes), (12, [3; 4]));
+        // One failed; the reset's 312 + 10 microseconds, ten periods and one are twelve.
+        assert_eq!((after.index, after.codes), (14, [3; 4]));
     });
 }

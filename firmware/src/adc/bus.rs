@@ -1,7 +1,7 @@
 //! How frames get to the converter and back: [`FrameBus`], and [`HalBus`], which does it with what embedded-hal has.
 //!
 //! A board may do better. Reading a conversion is always the same frame, so that hardware and interrupts can fetch
-//! conversions ahead while the software sleeps; each comes with the count of DRDY edges at which it was fetched.
+//! conversions ahead while the software sleeps; each comes with the edge of DRDY at which it was fetched.
 
 use embassy_futures::select::{Either, select};
 use embedded_hal::digital::{Error as _, ErrorKind as PinError};
@@ -10,16 +10,14 @@ use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiDevice;
 
-use super::count::Timers;
+use super::count::{Edge, Timers};
 use super::frame::{self, ChecksumError, FRAME, NULL, Response};
 
 /// A conversion as it was fetched.
 #[derive(Clone, Copy, Debug)]
 pub struct Fetched {
-    /// Falling edges of DRDY when its frame was begun, modulo 2^32.
-    pub edges: u32,
-    /// When it came, microseconds.
-    pub time_us: u64,
+    /// The last falling edge of DRDY when its frame was begun.
+    pub edge: Edge,
     /// What the converter answered to a null command, or why that is not known.
     pub response: Result<Response, FrameError>,
 }
@@ -87,8 +85,8 @@ pub struct HalBus<SPI, DRDY, DELAY, TIMERS> {
 }
 
 impl<SPI, DRDY, DELAY, TIMERS: Timers> Timers for HalBus<SPI, DRDY, DELAY, TIMERS> {
-    fn drdy_edges(&mut self) -> u32 {
-        self.timers.drdy_edges()
+    fn edge(&mut self) -> Edge {
+        self.timers.edge()
     }
 
     fn now_us(&mut self) -> u64 {
@@ -117,10 +115,9 @@ where
             Either::First(Err(error)) => return Err(FetchError::Pin(error.kind())),
             Either::Second(()) => return Err(FetchError::Timeout),
         }
-        let (edges, time_us) = (self.timers.drdy_edges(), self.timers.now_us());
+        let edge = self.timers.edge();
         Ok(Fetched {
-            edges,
-            time_us,
+            edge,
             response: open(self.exchange(&NULL).await),
         })
     }

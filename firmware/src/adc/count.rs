@@ -1,61 +1,77 @@
-//! Which conversion is which: the index, moved on by the DRDY edges that hardware counted.
+//! Which conversion is which: the index, moved on by the DRDY edges that hardware counted and stamped.
+//!
+//! The edges alone do not do it. A conversion that ends while the one before goes over the bus makes no edge (data
+//! sheet SBASA31B of a sibling, section 8.3.9), and a disturbance on the pin makes one without a conversion. The
+//! converter's beat is regular, though: the time between two edges tells how many conversions it was, as long as
+//! the period is known. It is that of the configuration, unless the converter runs on another clock, and is followed
+//! by a phase-locked loop.
 
 use super::registers::Config;
 
+/// The last falling edge of DRDY.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Edge {
+    /// Edges since any beginning, modulo 2^32.
+    pub count: u32,
+    /// When it fell, on the clock of [`Timers::now_us`].
+    pub time_us: u64,
+}
+
 /// The board's timers.
 pub trait Timers {
-    /// Falling edges of DRDY since any beginning, modulo 2^32, counted by hardware.
-    fn drdy_edges(&mut self) -> u32;
+    /// The last falling edge of DRDY, counted and stamped by hardware.
+    fn edge(&mut self) -> Edge;
 
     /// Microseconds since any beginning.
     fn now_us(&mut self) -> u64;
 }
 
+/// Fractional bits of times in here: units of 1/65536 us.
+const FRACTION: u32 = 16;
+
+/// The loop's gains, as shifts: of the phase, and of the period. Damped critically, with a time constant of 32
+/// conversions.
+const PHASE_SHIFT: u32 = 4;
+const PERIOD_SHIFT: u32 = 10;
+
+/// The fastest clock that is followed, as a shift: 16 times that of the configuration.
+const FASTEST: u32 = 4;
+
 /// Counts conversions, without any input or output.
 #[derive(Clone, Debug)]
 pub struct ConversionCount {
-    /// Conversion periods a second, as a fraction: clock over cycles.
-    clock_hz: u64,
-    clock_cycles: u64,
-    period_us: u32,
+    nominal: i64,
+    period: i64,
+    /// When the last conversion ended that was accounted for.
+    beat: i64,
+    /// Time since a restart that is not accounted for; less than half of a period either way.
+    rest: i64,
     edges: u32,
-    time_us: u64,
-    /// Part of a period that had passed at that time, if only the clock told; microseconds times `clock_hz`.
-    begun: u64,
     index: u64,
-    confidence: Confidence,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Confidence {
-    /// Nothing was converted yet.
-    New,
-    /// Every conversion made an edge.
-    Edges,
-    /// There may have been conversions without an edge: only the clock tells.
-    Clock,
+    started: bool,
 }
 
 impl ConversionCount {
     /// Before the first conversion.
     pub fn new(config: &Config) -> Self {
-        let clock_hz = u64::from(config.clock_hz.max(1));
-        let clock_cycles = u64::from(config.oversampling.clock_cycles());
+        let cycles = u64::from(config.oversampling.clock_cycles());
+        let period = (cycles * 1_000_000 << FRACTION) / u64::from(config.clock_hz.max(1));
+        // At the most 16 384 cycles of a clock of 1 Hz.
+        let nominal = i64::try_from(period).unwrap_or(i64::MAX >> FRACTION);
         Self {
-            clock_hz,
-            clock_cycles,
-            period_us: u32::try_from(clock_cycles * 1_000_000 / clock_hz).unwrap_or(u32::MAX),
+            nominal,
+            period: nominal,
+            beat: 0,
+            rest: 0,
             edges: 0,
-            time_us: 0,
-            begun: 0,
             index: 0,
-            confidence: Confidence::New,
+            started: false,
         }
     }
 
     /// The conversion period, microseconds.
     pub fn period_us(&self) -> u32 {
-        self.period_us
+        u32::try_from(self.period >> FRACTION).unwrap_or(u32::MAX)
     }
 
     /// Index of the conversion that the next edge announces.
@@ -63,53 +79,71 @@ impl ConversionCount {
         self.index
     }
 
-    /// From here on there may be conversions without an edge.
-    pub fn doubt(&mut self) {
-        if self.confidence == Confidence::Edges {
-            self.confidence = Confidence::Clock;
+    /// Looks at the beat over some edges with nothing on the bus. Before the first [`Self::begin`] a much faster one is
+    /// believed: the converter runs on another clock, since edges can be missing but are rarely too many.
+    pub fn measure(&mut self, first: Edge, last: Edge) {
+        let edges = i64::from(last.count.wrapping_sub(first.count));
+        let time = fixed(last.time_us).wrapping_sub(fixed(first.time_us));
+        let faster = (self.nominal >> FASTEST)..=(self.nominal / 4 * 3);
+        match time.checked_div(edges) {
+            Some(period) if !self.started && faster.contains(&period) => self.period = period,
+            _ => {}
         }
     }
 
-    /// Begins to count: conversions until now were lost, except the first time, when the index stays zero.
-    pub fn begin(&mut self, edges: u32, now_us: u64) {
-        if self.confidence != Confidence::New {
-            self.pass(edges, now_us);
+    /// Begins to count at an edge: conversions until now were lost, except the first time, when the index stays zero.
+    /// The converter may have restarted, at any phase.
+    pub fn begin(&mut self, edge: Edge) {
+        let now = fixed(edge.time_us);
+        if self.started {
+            let elapsed = now.wrapping_sub(self.beat).saturating_add(self.rest);
+            let passed = self.periods(elapsed);
+            self.rest = elapsed - passed * self.period;
+            self.index = self.index.saturating_add(passed as u64);
         }
-        self.confidence = Confidence::Edges;
-        self.edges = edges;
-        self.time_us = now_us;
+        self.started = true;
+        self.edges = edge.count;
+        self.beat = now;
     }
 
-    /// Moves the index on by the conversions since it last was, and returns how many: none without an edge; by the
-    /// edges, after [`Self::doubt`] at least by the time that went by.
-    pub fn account(&mut self, edges: u32, now_us: u64) -> u32 {
-        if edges == self.edges {
+    /// Moves the index on to the last edge, and returns by how many conversions: none without a new edge, or if it came
+    /// too early to be one.
+    #[inline]
+    pub fn account(&mut self, last: Edge) -> u32 {
+        if last.count == self.edges {
             return 0;
         }
-        self.pass(edges, now_us)
-    }
-
-    fn pass(&mut self, edges: u32, now_us: u64) -> u32 {
-        let mut passed = edges.wrapping_sub(self.edges);
-        let begun = core::mem::take(&mut self.begun);
-        if self.confidence == Confidence::Clock {
-            let elapsed = self.elapsed_us(now_us).saturating_mul(self.clock_hz);
-            let elapsed = elapsed.saturating_add(begun);
-            let period = self.clock_cycles * 1_000_000;
-            // One microsecond more, since both times are cut to whole ones.
-            let periods = elapsed.saturating_add(self.clock_hz) / period;
-            self.begun = elapsed.saturating_sub(periods * period);
-            passed = passed.max(u32::try_from(periods).unwrap_or(u32::MAX));
+        self.edges = last.count;
+        let elapsed = fixed(last.time_us).wrapping_sub(self.beat);
+        let passed = if elapsed + elapsed < 3 * self.period {
+            i64::from(elapsed + elapsed >= self.period)
+        } else {
+            self.periods(elapsed)
+        };
+        let beats = passed * self.period;
+        let late = elapsed - beats;
+        self.beat += beats + (late >> PHASE_SHIFT);
+        if passed == 1 {
+            self.period += late >> PERIOD_SHIFT;
         }
-        self.confidence = Confidence::Edges;
-        self.edges = edges;
-        self.time_us = now_us;
-        self.index = self.index.saturating_add(u64::from(passed));
-        passed
+        self.index = self.index.saturating_add(passed as u64);
+        u32::try_from(passed).unwrap_or(u32::MAX)
     }
 
-    /// Time since the last edge that was accounted for, microseconds.
-    pub fn elapsed_us(&self, now_us: u64) -> u64 {
-        now_us.saturating_sub(self.time_us)
+    /// Whole periods nearest to a time, not negative.
+    fn periods(&self, time: i64) -> i64 {
+        let half = self.period / 2;
+        time.saturating_add(half).max(0) / self.period.max(1)
     }
+
+    /// Time since the last conversion that was accounted for, microseconds.
+    pub fn elapsed_us(&self, now_us: u64) -> u64 {
+        let elapsed = fixed(now_us).wrapping_sub(self.beat) >> FRACTION;
+        u64::try_from(elapsed).unwrap_or(0)
+    }
+}
+
+/// Wraps after four years.
+fn fixed(time_us: u64) -> i64 {
+    (time_us << FRACTION) as i64
 }

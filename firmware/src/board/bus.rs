@@ -23,7 +23,7 @@ use embassy_stm32::spi::{Spi, mode};
 use embassy_sync::waitqueue::AtomicWaker;
 use embedded_hal::spi::ErrorKind;
 use firmware::adc::bus::{FetchError, Fetched, FrameBus, open};
-use firmware::adc::count::Timers;
+use firmware::adc::count::{Edge, Timers};
 use firmware::adc::frame::{FRAME, NULL};
 
 use super::drdy::{self, DrdyTimers};
@@ -51,7 +51,9 @@ static IN: Memory = EMPTY;
 /// A conversion on the conveyor.
 struct Slot {
     frame: Memory,
+    /// DRDY edges when it was begun, and TIM2 at the last of them.
     edges: AtomicU32,
+    stamp: AtomicU32,
     sound: AtomicBool,
 }
 
@@ -59,6 +61,7 @@ static CONVEYOR: [Slot; ROOM as usize] = [const {
     Slot {
         frame: EMPTY,
         edges: AtomicU32::new(0),
+        stamp: AtomicU32::new(0),
         sound: AtomicBool::new(false),
     }
 }; ROOM as usize];
@@ -124,11 +127,12 @@ fn begin(what: u8, to: &'static Memory) {
 /// Begins to read a conversion; whether the conveyor goes on after it is known by the edges.
 #[inline]
 fn begin_conversion() {
-    let edges = drdy::edges();
+    let (edges, stamp) = drdy::edge();
     let before = EDGES.swap(edges, Ordering::Relaxed);
     let came = CAME.load(Ordering::Relaxed);
     let slot = &CONVEYOR[(came % ROOM) as usize];
     slot.edges.store(edges, Ordering::Relaxed);
+    slot.stamp.store(stamp, Ordering::Relaxed);
     let full = came.wrapping_sub(TAKEN.load(Ordering::Acquire)) >= ROOM - 1;
     if full || edges.wrapping_sub(before) != 1 {
         RUNS.store(false, Ordering::Relaxed);
@@ -242,7 +246,7 @@ impl Bus {
                 begin_conversion();
                 RUNS.store(false, Ordering::Relaxed);
             } else {
-                EDGES.store(drdy::edges(), Ordering::Relaxed);
+                EDGES.store(drdy::edge().0, Ordering::Relaxed);
                 RUNS.store(true, Ordering::Relaxed);
             }
         });
@@ -254,6 +258,7 @@ impl Bus {
         let taken = TAKEN.load(Ordering::Relaxed);
         let slot = &CONVEYOR[(taken % ROOM) as usize];
         let edges = slot.edges.load(Ordering::Relaxed);
+        let stamp = slot.stamp.load(Ordering::Relaxed);
         let response = open(if slot.sound.load(Ordering::Relaxed) {
             Ok(get(&slot.frame))
         } else {
@@ -261,8 +266,7 @@ impl Bus {
         });
         TAKEN.store(taken.wrapping_add(1), Ordering::Release);
         Fetched {
-            edges,
-            time_us: self.timers.now_us(),
+            edge: self.timers.at(edges, stamp),
             response,
         }
     }
@@ -313,8 +317,8 @@ fn get(memory: &Memory) -> [u8; FRAME] {
 }
 
 impl Timers for Bus {
-    fn drdy_edges(&mut self) -> u32 {
-        self.timers.drdy_edges()
+    fn edge(&mut self) -> Edge {
+        self.timers.edge()
     }
 
     fn now_us(&mut self) -> u64 {

@@ -1,7 +1,7 @@
-//! DRDY on TIM2 and TIM5: every falling edge is counted in hardware and starts the conveyor's frame.
+//! DRDY on TIM2 and TIM5: every falling edge is counted and stamped in hardware and starts the conveyor's frame.
 //!
 //! TIM2 runs at 1 MHz and captures the falling edges on PA0. Each capture sends a trigger pulse, and TIM5 counts
-//! these pulses, so that the count holds however late the software is. TIM2's second channel ends a wait: [`Deadline`].
+//! these pulses, so that count and stamp hold however late the software is. TIM2's second channel ends a wait: [`Deadline`].
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
@@ -14,7 +14,7 @@ use embassy_stm32::timer::low_level::{
     InputCaptureMode, InputTISelection, MasterMode, SlaveMode, Timer, TriggerSource,
 };
 use embassy_stm32::timer::{Ch1, Channel};
-use firmware::adc::count::Timers;
+use firmware::adc::count::{Edge, Timers};
 
 use super::bus;
 
@@ -44,10 +44,17 @@ pub fn is_low() -> bool {
     pac::GPIOA.idr().read().idr(0) == pac::gpio::vals::Idr::LOW
 }
 
-/// Falling edges until now, modulo 2^32.
+/// The last falling edge: the count until then, modulo 2^32, and TIM2 at it.
 #[inline]
-pub fn edges() -> u32 {
-    pac::TIM5.cnt().read()
+pub fn edge() -> (u32, u32) {
+    loop {
+        let count = pac::TIM5.cnt().read();
+        let stamp = pac::TIM2.ccr(CAPTURE).read();
+        // Of one and the same edge.
+        if count == pac::TIM5.cnt().read() {
+            return (count, stamp);
+        }
+    }
 }
 
 /// The clock TIM2 and the count TIM5.
@@ -92,9 +99,23 @@ impl DrdyTimers {
     }
 }
 
+impl DrdyTimers {
+    /// An edge of less than an hour ago on the clock that does not turn.
+    #[inline]
+    pub fn at(&mut self, count: u32, stamp: u32) -> Edge {
+        let now_us = self.now_us();
+        let ago_us = (now_us as u32).wrapping_sub(stamp);
+        Edge {
+            count,
+            time_us: now_us.saturating_sub(u64::from(ago_us)),
+        }
+    }
+}
+
 impl Timers for DrdyTimers {
-    fn drdy_edges(&mut self) -> u32 {
-        edges()
+    fn edge(&mut self) -> Edge {
+        let (count, stamp) = edge();
+        self.at(count, stamp)
     }
 
     /// The counter has 32 bits; asked at least once an hour, this clock does not lose a turn.

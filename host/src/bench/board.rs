@@ -17,7 +17,7 @@ use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiDevice;
 use firmware::adc::bus::HalBus;
-use firmware::adc::count::Timers;
+use firmware::adc::count::{Edge, Timers};
 use firmware::adc::registers::{Gain, REFERENCE_V};
 use firmware::adc::{Ads131m04, Reset};
 use firmware::app::App;
@@ -65,6 +65,8 @@ struct World {
     converter: Converter,
     /// Cycles of the converter's clock.
     now: u64,
+    /// When DRDY fell last.
+    fell: u64,
     /// Conversions whose period has begun and ended.
     conversions: u64,
     /// Input of the conversions that come.
@@ -76,6 +78,11 @@ struct World {
 impl World {
     fn period(&self) -> u64 {
         u64::from(self.converter.config().oversampling.clock_cycles())
+    }
+
+    fn microseconds(&self, cycles: u64) -> u64 {
+        let clock_hz = u128::from(self.converter.config().clock_hz);
+        (u128::from(cycles) * 1_000_000 / clock_hz) as u64
     }
 
     fn load(&mut self, conversions: u64, signal: &mut dyn Signal) {
@@ -96,10 +103,15 @@ impl World {
         else {
             return false;
         };
+        let edges = self.converter.drdy_edges();
         self.converter.convert(input_v);
         self.used += OVERSAMPLING;
         self.conversions += 1;
-        self.now = self.now.max(self.conversions * self.period());
+        let end = self.conversions * self.period();
+        self.now = self.now.max(end);
+        if self.converter.drdy_edges() != edges {
+            self.fell = end;
+        }
         true
     }
 
@@ -234,14 +246,17 @@ impl DelayNs for Shared {
 }
 
 impl Timers for Shared {
-    fn drdy_edges(&mut self) -> u32 {
-        self.0.borrow().converter.drdy_edges()
+    fn edge(&mut self) -> Edge {
+        let world = self.0.borrow();
+        Edge {
+            count: world.converter.drdy_edges(),
+            time_us: world.microseconds(world.fell),
+        }
     }
 
     fn now_us(&mut self) -> u64 {
         let world = self.0.borrow();
-        let clock_hz = u128::from(world.converter.config().clock_hz);
-        (u128::from(world.now) * 1_000_000 / clock_hz) as u64
+        world.microseconds(world.now)
     }
 }
 
@@ -309,6 +324,7 @@ impl VirtualBoard {
         let world = Rc::new(RefCell::new(World {
             converter,
             now: 0,
+            fell: 0,
             conversions: 0,
             input_v: Vec::new(),
             used: 0,

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use emulated::Emulator;
+use emulated::converter::DataReady;
 use firmware::adc::registers::Config;
 use shared::wire::framing::Frame;
 use shared::wire::message::Command;
@@ -31,6 +32,7 @@ struct Clocked {
     inputs: Inputs,
     held: Input,
     conversions: u64,
+    drdy: DataReady,
 }
 
 impl Clocked {
@@ -61,25 +63,30 @@ impl emulated::converter::Converter for Clocked {
             self.converter.convert(&self.held);
             self.conversions += 1;
         }
+        self.drdy.advance(now_ns);
     }
 
     fn next_event_ns(&self) -> u64 {
-        self.end_ns(self.conversions)
+        self.drdy.next_event_ns(self.end_ns(self.conversions))
     }
 
     fn drdy_is_low(&self) -> bool {
-        self.converter.drdy_is_low()
+        let waits = self.converter.drdy_is_low();
+        self.drdy.is_low(waits, self.end_ns(self.conversions))
     }
 
     fn select(&mut self) {
+        self.drdy.select(self.converter.drdy_is_low());
         self.converter.select();
     }
 
     fn exchange(&mut self, byte: u8) -> u8 {
+        self.drdy.exchange();
         self.converter.exchange(byte)
     }
 
     fn deselect(&mut self) {
+        self.drdy.deselect();
         self.converter.deselect();
     }
 
@@ -111,6 +118,7 @@ impl EmulatedBoard {
             inputs: inputs.clone(),
             held: [[0.0; 4]; OVERSAMPLING],
             conversions: 0,
+            drdy: DataReady::default(),
         };
         let mut emulator = Emulator::start(clocked).map_err(|error| error.to_string())?;
         emulator

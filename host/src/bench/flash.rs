@@ -50,8 +50,10 @@ pub enum Fault {
     Erase,
     /// Programming and erasing are told to have gone well, and change nothing.
     Deaf,
-    /// Bit 0 of that byte is zero for good.
-    Stuck(usize),
+    /// Bit 0 of the bytes from one address to another is zero for good.
+    Stuck(usize, usize),
+    /// Bit 0 of that byte is not programmed.
+    Weak(usize),
 }
 
 /// Why an operation failed.
@@ -124,6 +126,7 @@ impl Flash {
     }
 
     fn program(&mut self, at: usize, byte: u8) -> Result<(), Error> {
+        let byte = byte | u8::from(self.fault == Fault::Weak(at));
         match &mut self.power {
             Power::On => {}
             Power::Failed => return Err(Error::Power),
@@ -158,8 +161,8 @@ impl Flash {
     }
 
     fn stick(&mut self) {
-        if let Fault::Stuck(at) = self.fault {
-            self.bytes[at] &= !1;
+        if let Fault::Stuck(from, to) = self.fault {
+            self.bytes[from..to].iter_mut().for_each(|byte| *byte &= !1);
         }
     }
 }

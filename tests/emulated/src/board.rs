@@ -23,7 +23,7 @@ const HSE_HZ: u64 = 8_000_000;
 const SUPPLY_MV: u32 = 3300;
 
 /// Instructions a second of virtual time. At 168 MHz this is 1.7 cycles an instruction, flash wait states included.
-const INSTRUCTIONS_PER_SECOND: NonZeroU64 = NonZeroU64::new(100_000_000).unwrap();
+pub const INSTRUCTIONS_PER_SECOND: NonZeroU64 = NonZeroU64::new(100_000_000).unwrap();
 
 const GPIOA: usize = 0;
 const GPIOE: usize = 4;

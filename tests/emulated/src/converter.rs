@@ -40,6 +40,64 @@ pub type Signal = Box<dyn FnMut(u64) -> [i32; 4] + Send>;
 const FRAME: usize = 18;
 const WORD: usize = 3;
 
+/// Bytes of a frame until the four channels are shifted out.
+const CHANNELS_OUT: usize = 5 * WORD;
+
+/// How long before the next conversion DRDY rises when the one before was not read, t_w(DRH); 4 cycles of the nominal
+/// clock.
+const UNREAD_HIGH_NS: u64 = 488;
+
+/// When DRDY is low, of which a converter that is not read in time has its own opinion (data sheets SBAS890, section
+/// 8.5.1, and SBASA31B of a sibling, section 8.3.9): from a conversion until its channels are shifted out, but for a
+/// short time before the next one. This pulse is left out while a frame goes over the bus, so that a conversion
+/// that ends meanwhile makes no edge.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DataReady {
+    now_ns: u64,
+    /// Bytes of the frame that goes over the bus, if it carries a conversion that was not read before.
+    shifted: Option<usize>,
+}
+
+impl DataReady {
+    /// Time goes by.
+    pub fn advance(&mut self, now_ns: u64) {
+        self.now_ns = now_ns;
+    }
+
+    /// A frame begins, with a conversion that was not read before or without.
+    pub fn select(&mut self, is_new: bool) {
+        self.shifted = is_new.then_some(0);
+    }
+
+    /// One more byte of it.
+    pub fn exchange(&mut self) {
+        self.shifted = self.shifted.map(|shifted| shifted + 1);
+    }
+
+    /// It ends.
+    pub fn deselect(&mut self) {
+        self.shifted = None;
+    }
+
+    /// The pin, with or without conversions that wait to be read; the next one ends then.
+    pub fn is_low(&self, waits: bool, next_ns: u64) -> bool {
+        match self.shifted {
+            Some(shifted) => waits || shifted < CHANNELS_OUT,
+            None => waits && self.now_ns + UNREAD_HIGH_NS < next_ns,
+        }
+    }
+
+    /// When the pin changes by itself.
+    pub fn next_event_ns(&self, next_ns: u64) -> u64 {
+        let rises_ns = next_ns.saturating_sub(UNREAD_HIGH_NS);
+        if rises_ns > self.now_ns {
+            rises_ns
+        } else {
+            next_ns
+        }
+    }
+}
+
 /// A sound ADS131M04: frames, checksums, registers and DRDY, and a signal.
 pub struct Plain {
     signal: Signal,
@@ -51,7 +109,7 @@ pub struct Plain {
     conversions: u64,
     /// Conversions that wait to be read, at most two, the older first.
     waiting: Vec<[i32; 4]>,
-    drdy_is_low: bool,
+    drdy: DataReady,
     registers: [u16; 16],
     locked: bool,
     was_reset: bool,
@@ -81,7 +139,7 @@ impl Plain {
             in_reset: false,
             conversions: 0,
             waiting: Vec::new(),
-            drdy_is_low: false,
+            drdy: DataReady::default(),
             registers: [0; 16],
             locked: false,
             was_reset: true,
@@ -126,7 +184,6 @@ impl Converter for Plain {
         if low && !self.in_reset {
             self.period_ns = self.period_1024_ns;
             self.waiting.clear();
-            self.drdy_is_low = false;
             self.registers = [0; 16];
             self.locked = false;
             self.was_reset = true;
@@ -146,22 +203,23 @@ impl Converter for Plain {
             }
             self.waiting.push((self.signal)(self.conversions));
             self.conversions += 1;
-            self.drdy_is_low = true;
         }
+        self.drdy.advance(now_ns);
     }
 
     fn next_event_ns(&self) -> u64 {
-        self.next_ns
+        self.drdy.next_event_ns(self.next_ns)
     }
 
     fn drdy_is_low(&self) -> bool {
-        self.drdy_is_low
+        self.drdy.is_low(!self.waiting.is_empty(), self.next_ns)
     }
 
     fn select(&mut self) {
         let first = self.answer.unwrap_or_else(|| self.status());
         self.frame = [0; FRAME];
         self.frame[..2].copy_from_slice(&first.to_be_bytes());
+        self.drdy.select(!self.waiting.is_empty());
         if !self.waiting.is_empty() {
             let codes = self.waiting.remove(0);
             let (words, _) = self.frame[WORD..].as_chunks_mut::<WORD>();
@@ -174,16 +232,17 @@ impl Converter for Plain {
         let sum = checksum(&self.frame[..end]);
         self.frame[end..end + 2].copy_from_slice(&sum.to_be_bytes());
         self.received.clear();
-        self.drdy_is_low = false;
     }
 
     fn exchange(&mut self, byte: u8) -> u8 {
         let sent = self.frame.get(self.received.len()).copied();
         self.received.push(byte);
+        self.drdy.exchange();
         sent.unwrap_or(0)
     }
 
     fn deselect(&mut self) {
+        self.drdy.deselect();
         if let [high, low, _, upper, lower, ..] = self.received[..] {
             let word = u16::from_be_bytes([high, low]);
             self.answer = self.command(word, u16::from_be_bytes([upper, lower]));

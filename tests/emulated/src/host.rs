@@ -42,6 +42,8 @@ pub enum Heard {
     Stored(u16, u32, Option<StoreFault>),
     /// Bytes that are no frame.
     Broken(FrameError),
+    /// So many frames of the instrument are missing here, by their numbers.
+    Missing(u16),
 }
 
 impl From<Event<'_>> for Heard {
@@ -73,6 +75,8 @@ pub struct Conversation {
     pub board: Emulator,
     deframer: Deframer,
     sequence: u16,
+    /// Number of the last frame that was heard.
+    last: Option<u16>,
     heard: Vec<Heard>,
 }
 
@@ -91,12 +95,18 @@ impl Conversation {
             board,
             deframer: Deframer::new(),
             sequence: 0,
+            last: None,
             heard: Vec::new(),
         };
         host.listen(Duration::from_millis(20))?;
-        let version = version::CURRENT;
-        host.command(&Command::Hello { version })?;
+        host.greet()?;
         Ok(host)
+    }
+
+    /// Greets the board; true if it answers.
+    pub fn greet(&mut self) -> Result<bool, Error> {
+        let version = version::CURRENT;
+        Ok(self.command(&Command::Hello { version })?.is_some())
     }
 
     /// Sends a command without waiting; returns its number.
@@ -150,10 +160,20 @@ impl Conversation {
             let heard = match packet {
                 None => continue,
                 Some(Err(error)) => Heard::Broken(error),
-                Some(Ok(packet)) => match packet.message::<Event>() {
-                    Ok(event) => event.into(),
-                    Err(error) => Heard::Broken(error),
-                },
+                Some(Ok(packet)) => {
+                    let expected = self.last.map(|last| last.wrapping_add(1));
+                    let missing = packet
+                        .sequence
+                        .wrapping_sub(expected.unwrap_or(packet.sequence));
+                    self.last = Some(packet.sequence);
+                    if missing > 0 {
+                        self.heard.push(Heard::Missing(missing));
+                    }
+                    match packet.message::<Event>() {
+                        Ok(event) => event.into(),
+                        Err(error) => Heard::Broken(error),
+                    }
+                }
             };
             self.heard.push(heard);
         }

@@ -20,12 +20,18 @@ pub enum Error {
 
 /// The image's file, built on the first call.
 pub fn path() -> Result<&'static Path, Error> {
-    static IMAGE: LazyLock<Result<PathBuf, Error>> = LazyLock::new(build);
+    static IMAGE: LazyLock<Result<PathBuf, Error>> =
+        LazyLock::new(|| build(&["--bin", "firmware"]));
     IMAGE.as_deref().map_err(Clone::clone)
 }
 
+/// The file of an example for the board, built as the image is.
+pub fn example(name: &str) -> Result<PathBuf, Error> {
+    build(&["--example", name])
+}
+
 /// Builds with the flags of the image and no others: what is set for the host's own build is taken out.
-fn build() -> Result<PathBuf, Error> {
+fn build(what: &[&str]) -> Result<PathBuf, Error> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
@@ -40,6 +46,7 @@ fn build() -> Result<PathBuf, Error> {
             "--target",
             TARGET,
         ])
+        .args(what)
         .args(["--message-format", "json-render-diagnostics"]);
     for variable in [
         "RUSTFLAGS",

@@ -5,9 +5,12 @@
 
 pub mod board;
 pub mod converter;
+pub mod cost;
+pub mod faults;
 pub mod host;
 pub mod image;
 pub mod line;
+pub mod random;
 mod run;
 
 pub use host::{Conversation, Heard};

@@ -8,10 +8,11 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use rigless::emulator::{Driver, Host, Settled, Start, Stop, Watch, run};
+use rigless::emulator::{Access, AccessKind, Driver, Host, Settled, Start, Stop, Watch, run};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::snapshot::Store;
+use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use crate::board::{Nucleo, Shared, lock};
@@ -64,7 +65,12 @@ pub struct Emulator {
 impl Emulator {
     /// Powers the board with the image on its flash and the given converter on its bus.
     pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
-        let image = Image::read(image::path()?, None)?;
+        Self::start_image(converter, image::path()?)
+    }
+
+    /// The same with another image.
+    pub fn start_image(converter: impl Converter + 'static, image: &Path) -> Result<Self, Error> {
+        let image = Image::read(image, None)?;
         Self::with_images(Arc::new(Mutex::new(converter)), &[image])
     }
 
@@ -133,27 +139,69 @@ impl Emulator {
         self.request(Request::Do(Box::new(what)))
     }
 
-    /// Lets the firmware run for this long and counts how often each instruction of `code` is executed. Slow: some
-    /// hundred thousand instructions a second.
-    pub fn trace(&mut self, time: Duration, code: Range<u64>) -> Result<BTreeMap<u64, u64>, Error> {
+    /// Lets the firmware run for this long and counts how often each instruction is executed. Slow: some hundred thousand
+    /// instructions a second.
+    pub fn trace(&mut self, time: Duration) -> Result<BTreeMap<u64, u64>, Error> {
         // An instruction begins at every even address, or at none that is ever reached.
-        let addresses = move || code.clone().step_by(2).map(Watch::Instruction);
-        let watched = addresses.clone();
+        let everywhere = || CODE.step_by(2).map(Watch::Instruction);
         self.intervene(move |_, host, _| {
-            watched().for_each(|watch| {
+            everywhere().for_each(|watch| {
                 host.watch(watch);
             });
         })?;
         lock(&self.executed).clear();
         self.run_for(time)?;
-        self.intervene(move |_, host, _| addresses().for_each(|watch| host.unwatch(watch)))?;
+        self.intervene(move |_, host, _| everywhere().for_each(|watch| host.unwatch(watch)))?;
         Ok(std::mem::take(&mut lock(&self.executed)))
+    }
+
+    /// Paints the memory that is nobody's but the stack's, before the firmware has run; [`Self::stack_used`] looks how far
+    /// down the paint is gone.
+    pub fn paint_stack(&mut self) -> Result<(), Error> {
+        self.intervene(|_, host, _| {
+            for address in STACK.step_by(4) {
+                // Every address is one of memory.
+                let _ = host.write(address, Width::W32, PAINT);
+            }
+        })
+    }
+
+    /// Bytes of stack that have been used at some time since [`Self::paint_stack`].
+    pub fn stack_used(&mut self) -> Result<u64, Error> {
+        let (to, from) = channel();
+        self.intervene(move |_, host, _| {
+            let words = STACK.step_by(4).map(|a| host.read(a, Width::W32).ok());
+            let words: Vec<_> = words.collect();
+            // What lies between variables and stack is by far the longest stretch of paint.
+            let mut rest = words.len() as u64;
+            let mut free = (0, rest);
+            for stretch in words.chunk_by(|a, b| a == b) {
+                rest -= stretch.len() as u64;
+                if stretch[0] == Some(PAINT) {
+                    free = free.max((stretch.len() as u64, rest));
+                }
+            }
+            // Nobody stopped listening: this is called in between.
+            let _ = to.send(4 * free.1);
+        })?;
+        from.recv().map_err(|_| self.ended())
     }
 
     /// Presses the reset button.
     pub fn reset(&mut self) -> Result<(), Error> {
         self.intervene(|session, host, stop| {
             session.reset_by_pin(stop.at, stop.instruction_count, host);
+        })
+    }
+
+    /// Writes a word on the bus of the microcontroller, as a debugger does.
+    pub fn write_word(&mut self, address: u64, value: u32) -> Result<(), Error> {
+        self.intervene(move |session, host, stop| {
+            let (kind, value) = (AccessKind::Write, u64::from(value));
+            let mut access = Access::new(kind, address, Width::W32, value);
+            access.virtual_time = stop.at;
+            access.instruction_count = stop.instruction_count;
+            session.access(access, host);
         })
     }
 
@@ -165,6 +213,11 @@ impl Emulator {
     /// Puts bytes on the line to the board; they go at the line's speed.
     pub fn send(&self, bytes: &[u8]) {
         lock(&self.line).to_board.extend(bytes);
+    }
+
+    /// The line, for its noise.
+    pub fn line(&self) -> MutexGuard<'_, Line> {
+        lock(&self.line)
     }
 
     /// Fetches the bytes that came from the board.
@@ -222,6 +275,15 @@ impl Drop for Emulator {
 
 /// Where the instrument's memory begins: bank 2 of the flash (RM0090, table 6).
 const MEMORY: u64 = 0x0810_0000;
+
+/// Where the image's instructions are.
+const CODE: Range<u64> = 0x0800_0000..0x0802_0000;
+
+/// The RAM of `memory.x`: static variables from the beginning, the stack from the end.
+const STACK: Range<u64> = 0x2000_0000..0x2003_0000;
+
+/// What no program writes by chance.
+const PAINT: u64 = 0xA5C3_5A3C;
 
 /// Port E's registers, where SYNC/RESET is driven.
 const GPIOE: std::ops::Range<u64> = 0x4002_1000..0x4002_1400;
