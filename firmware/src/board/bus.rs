@@ -41,13 +41,11 @@ const WORDS: usize = FRAME.div_ceil(4);
 /// What the DMA reads or writes: nobody else holds a reference to it, and every access is atomic.
 type Memory = [AtomicU32; WORDS];
 
-const EMPTY: Memory = [const { AtomicU32::new(0) }; WORDS];
-
 /// What goes out.
-static OUT: Memory = EMPTY;
+static OUT: Memory = [const { AtomicU32::new(0) }; WORDS];
 
 /// What comes in.
-static IN: Memory = EMPTY;
+static IN: Memory = [const { AtomicU32::new(0) }; WORDS];
 
 /// A conversion on the conveyor, as [`Fetched`] has it.
 struct Slot {

@@ -49,13 +49,14 @@ impl Excitation {
         let mut output_g = vec![0.0; count];
         chain.output_g(motion, 0..count, constant, &mut output_g);
         let k1 = chain.coefficients.scale_factor_v_per_g / front_end.divider;
-        let seen: [f64; 3] = std::array::from_fn(|axis| {
-            front_end.reference_v_per_g * reference_scale[axis] * motion.direction[axis]
-        });
+        let seen = |axis: usize, w: f64| {
+            let force_g = constant.a0_g[axis] + motion.direction[axis] * w;
+            front_end.reference_v_per_g * reference_scale[axis] * force_g
+        };
         let period_v = output_g
             .iter()
             .zip(&motion.reference.samples)
-            .map(|(u, w)| [k1 * u, seen[0] * w, seen[1] * w, seen[2] * w])
+            .map(|(u, w)| [k1 * u, seen(0, *w), seen(1, *w), seen(2, *w)])
             .collect();
         let reference_noise_v = (0..REFERENCE_NOISE)
             .map(|_| front_end.reference_v_per_g * REFERENCE_NOISE_G * stream.normal())

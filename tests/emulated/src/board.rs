@@ -64,13 +64,18 @@ pub struct Nucleo {
     pub converter: Shared<dyn Converter>,
     drdy: Level,
     captures: u64,
+    instructions_per_second: NonZeroU64,
 }
 
 impl Store for Nucleo {}
 
 impl Nucleo {
     /// Powered, with the converter and the host's end of the line fitted.
-    pub fn new(converter: Shared<dyn Converter>, line: Shared<Line>) -> Result<Self, Error> {
+    pub fn new(
+        converter: Shared<dyn Converter>,
+        line: Shared<Line>,
+        instructions_per_second: NonZeroU64,
+    ) -> Result<Self, Error> {
         let mut mcu = Stm32f427::new()?;
         mcu.rcc.attach_crystals(HSE_HZ, 0);
         mcu.set_supply(SUPPLY_MV);
@@ -88,6 +93,7 @@ impl Nucleo {
             converter,
             drdy: Level::Low,
             captures: 0,
+            instructions_per_second,
         })
     }
 
@@ -147,7 +153,7 @@ impl Board for Nucleo {
             interrupt_lines: lines.expect("the part has interrupts"),
             priority_bits: 4,
             refclk_divider: NonZeroU32::new(8).expect("not zero"),
-            instructions_per_second: INSTRUCTIONS_PER_SECOND,
+            instructions_per_second: self.instructions_per_second,
             boot: "flash",
         }
         .spec_with_parts(

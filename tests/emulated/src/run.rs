@@ -1,6 +1,7 @@
 //! Running the image, a stretch of virtual time after the other.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU64;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -15,7 +16,7 @@ use rigless::snapshot::Store;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::board::{Nucleo, Shared, lock};
+use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, Shared, lock};
 use crate::converter::Converter;
 use crate::image;
 use crate::line::Line;
@@ -71,7 +72,7 @@ impl Emulator {
     /// The same with another image.
     pub fn start_image(converter: impl Converter + 'static, image: &Path) -> Result<Self, Error> {
         let image = Image::read(image, None)?;
-        Self::with_images(Arc::new(Mutex::new(converter)), &[image])
+        Self::with_images(converter, &[image], INSTRUCTIONS_PER_SECOND)
     }
 
     /// The same with these bytes in the flash of the instrument's memory.
@@ -81,12 +82,26 @@ impl Emulator {
     ) -> Result<Self, Error> {
         let image = Image::read(image::path()?, None)?;
         let memory = Image::new(Path::new("memory"), memory, Some(MEMORY))?;
-        Self::with_images(Arc::new(Mutex::new(converter)), &[image, memory])
+        Self::with_images(converter, &[image, memory], INSTRUCTIONS_PER_SECOND)
     }
 
-    fn with_images(converter: Shared<dyn Converter>, images: &[Image]) -> Result<Self, Error> {
+    /// The same with a processor of another speed.
+    pub fn start_with_speed(
+        converter: impl Converter + 'static,
+        instructions_per_second: NonZeroU64,
+    ) -> Result<Self, Error> {
+        let image = Image::read(image::path()?, None)?;
+        Self::with_images(converter, &[image], instructions_per_second)
+    }
+
+    fn with_images(
+        converter: impl Converter + 'static,
+        images: &[Image],
+        instructions_per_second: NonZeroU64,
+    ) -> Result<Self, Error> {
+        let converter: Shared<dyn Converter> = Arc::new(Mutex::new(converter));
         let line = Arc::new(Mutex::new(Line::default()));
-        let board = Nucleo::new(converter.clone(), line.clone())?;
+        let board = Nucleo::new(converter.clone(), line.clone(), instructions_per_second)?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(1))?;
         let (requests, to_core) = channel();
         let (from_core, stops) = channel();

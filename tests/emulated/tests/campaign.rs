@@ -66,7 +66,7 @@ impl Mean {
 }
 
 #[test]
-fn a_campaign_over_the_uart_makes_host_and_instrument_agree_and_compensation_lessens_the_vibration_error()
+fn a_campaign_over_the_uart_makes_host_and_instrument_agree_and_leaves_a_twentieth_of_the_vibration_error()
 -> Result<(), Box<dyn Error>> {
     let specification = Specification::with_dial_sigma(1.0);
     let mut bench = VirtualBench::new(Seed(3), Static::Paper, specification, Vec::new());
@@ -78,7 +78,7 @@ fn a_campaign_over_the_uart_makes_host_and_instrument_agree_and_compensation_les
         level_g: 5.0,
         f_lo_hz: 100.0,
         f_hi_hz: 100.0,
-        a0: [0.0, 0.0, -1.0],
+        a0: [0.6, 0.0, -0.8],
     }];
     let folder = tempfile::tempdir()?;
     let mut board = EmulatedBoard::start()?;
@@ -124,15 +124,18 @@ fn a_campaign_over_the_uart_makes_host_and_instrument_agree_and_compensation_les
         },
     );
     read?;
-    // 400 blocks, and what a command takes to be heard.
+    // 400 blocks, give or take what a command takes to be heard.
     for count in [before_g.count, during_g.count] {
-        assert!((16_000.0..16_080.0).contains(&count), "{count}");
+        assert!((15_990.0..16_010.0).contains(&count), "{count}");
     }
     let left_g = during_g.value() - before_g.value();
     let measured = captured.campaign.runs[0].measured.ok_or("measured")?;
     let k1 = bench.accelerometer.coefficients.scale_factor_v_per_g;
     let plain_g = (measured.during_v - measured.before_v) / k1;
     println!("vibration error {plain_g:e} g, compensated {left_g:e} g");
-    assert!(plain_g.abs() > left_g.abs(), "{plain_g:e} {left_g:e}");
+    assert!(
+        plain_g.abs() > 20.0 * left_g.abs(),
+        "{plain_g:e} {left_g:e}"
+    );
     Ok(())
 }

@@ -1,14 +1,15 @@
 //! The unmodified image under faults: the acquisition goes on or names what stops it, and every conversion is a sample
 //! or counted as lost.
 
+use std::num::NonZeroU64;
 use std::time::Duration;
 
-use emulated::board::{Shared, lock};
+use emulated::board::{INSTRUCTIONS_PER_SECOND, Shared, lock};
 use emulated::converter::Plain;
 use emulated::faults::{ConverterFaults, Drdy, Faulty};
 use emulated::line::Noise;
 use emulated::random::Random;
-use emulated::{Conversation, Error, Heard};
+use emulated::{Conversation, Emulator, Error, Heard};
 use shared::wire::Command;
 use shared::wire::framing::Frame;
 use shared::wire::message::{Approach, Block, Fault, Position, Segment, State};
@@ -59,10 +60,19 @@ struct Count {
 
 impl Bench {
     fn start(clock_hz: u32, seed: u64) -> Result<Self, Error> {
+        Self::start_with_speed(clock_hz, seed, INSTRUCTIONS_PER_SECOND.get())
+    }
+
+    fn start_with_speed(
+        clock_hz: u32,
+        seed: u64,
+        instructions_per_second: u64,
+    ) -> Result<Self, Error> {
+        let speed = NonZeroU64::new(instructions_per_second).expect("not zero");
         let faults = Shared::<ConverterFaults>::default();
         let converter = Faulty::new(Plain::new(clock_hz, counting), faults.clone(), seed);
         Ok(Self {
-            host: Conversation::start(converter)?,
+            host: Conversation::with_board(Emulator::start_with_speed(converter, speed)?)?,
             faults,
             heard: Vec::new(),
             rate_hz: u64::from(clock_hz) / 2048,
@@ -307,8 +317,8 @@ fn a_converter_reset_at_any_moment_is_named_and_set_up_anew() -> Result<(), Erro
 }
 
 /// Raw samples at more than the line or the processor can bear: nothing is missing without being counted.
-fn overload(clock_hz: u32) -> Result<Count, Error> {
-    let mut bench = Bench::start(clock_hz, 1)?;
+fn overload(clock_hz: u32, instructions_per_second: u64) -> Result<Count, Error> {
+    let mut bench = Bench::start_with_speed(clock_hz, 1, instructions_per_second)?;
     let begun = bench.count()?;
     let on = Command::StreamRaw { on: true };
     assert!(bench.command(&on)?.is_some());
@@ -388,12 +398,15 @@ fn overload(clock_hz: u32) -> Result<Count, Error> {
 
 #[test]
 fn an_overload_is_counted_to_the_sample() -> Result<(), Error> {
-    // At 8 kSPS the line is too slow, at 64 kSPS the bus is: a frame and what is around it take longer than a conversion.
-    let slow_line = overload(2 * CLOCK_HZ)?;
-    assert_eq!(slow_line.state.lost, 0);
-    assert!(slow_line.state.dropped_samples > 0);
-    for clock in [12, 14] {
-        let overrun = overload(clock * CLOCK_HZ)?;
+    let speed = INSTRUCTIONS_PER_SECOND.get();
+    // From 8 kSPS on the line is too slow for raw samples, but even at 32 kSPS the processor is not.
+    for times in [2, 8] {
+        let slow_line = overload(times * CLOCK_HZ, speed)?;
+        assert_eq!(slow_line.state.lost, 0);
+        assert!(slow_line.state.dropped_samples > 0);
+    }
+    for (times, slower) in [(4, 3), (8, 2)] {
+        let overrun = overload(times * CLOCK_HZ, speed / slower)?;
         assert!(overrun.state.lost > 0, "no overload: {overrun:?}");
     }
     Ok(())
