@@ -303,7 +303,10 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
     /// Any. Conversions that an error costs are missing from the indices of those that follow. Where
     /// [`Error::needs_initialise`], call [`Self::initialise`] before the next call.
     pub async fn next(&mut self) -> Result<Conversion, Error> {
-        if let Some(fetched) = self.fresh.take() {
+        // Looked at before it is taken: taking nothing moves as many bytes.
+        if self.fresh.is_some()
+            && let Some(fetched) = self.fresh.take()
+        {
             return self.read(&fetched).await;
         }
         let fetched = self.fetch().await?;

@@ -11,7 +11,7 @@ use shared::self_check::Outcome;
 use shared::wire::configuration::Configuration;
 use shared::wire::framing::{Deframer, Frame, FrameError};
 use shared::wire::message::{
-    CHANNELS, Coefficients, Command, Event, Identity, Parameter, Position, Refusal, Segment,
+    CHANNELS, Coefficients, Command, Event, Identity, Parameter, Position, Refusal, Segment, State,
     StoreFault,
 };
 use shared::wire::version;
@@ -191,46 +191,34 @@ impl<'q> App<'q> {
             let packed = if let Some(event) = self.replies.pop_front() {
                 frame.encode(&event, self.sequence)
             } else if let Some(report) = self.link.report() {
-                match report {
-                    Report::Raw(raw) => frame.encode(&Event::Raw(raw.message()), self.sequence),
+                let event = match report {
+                    Report::Raw(raw) => Event::Raw(raw.message()),
                     Report::Block(block) => {
                         if let Some(check) = &mut self.check {
-                            check.block(&block);
+                            check.block(block);
                         }
-                        frame.encode(&Event::Block(block), self.sequence)
+                        Event::Block(*block)
                     }
-                    Report::Compensated(block) => {
-                        frame.encode(&Event::Compensated(block), self.sequence)
-                    }
-                    Report::Fault { sample, fault } => {
+                    Report::Compensated(block) => Event::Compensated(*block),
+                    &Report::Fault { sample, fault } => {
                         if let Some(check) = &mut self.check {
                             check.fault();
                         }
-                        frame.encode(&Event::Fault { sample, fault }, self.sequence)
+                        Event::Fault { sample, fault }
                     }
-                    Report::Done {
+                    &Report::Done {
                         sequence,
                         sample,
                         state,
                     } => {
-                        if let Some(mut state) = state {
-                            state.compensating = self.compensates();
-                            state.rejected_frames = self.rejected_frames;
-                            state.dropped_frames =
-                                state.dropped_frames.saturating_add(self.dropped_replies);
-                            self.reply(Event::State(state));
-                        }
-                        if self.closing == Some(sequence) {
-                            self.closing = None;
-                            let v_per_code = v_per_code(&self.identity);
-                            if let Some(check) = &mut self.check {
-                                check.close(v_per_code);
-                            }
-                        }
-                        self.reply(Event::Ack { sequence, sample });
+                        self.link.sent();
+                        self.done(sequence, sample, state);
                         continue;
                     }
-                }
+                };
+                let packed = frame.encode(&event, self.sequence);
+                self.link.sent();
+                packed
             } else {
                 return false;
             };
@@ -243,6 +231,24 @@ impl<'q> App<'q> {
                 Err(_) => self.dropped_replies = self.dropped_replies.saturating_add(1),
             }
         }
+    }
+
+    /// The acquisition has carried out an order.
+    fn done(&mut self, sequence: u16, sample: u64, state: Option<State>) {
+        if let Some(mut state) = state {
+            state.compensating = self.compensates();
+            state.rejected_frames = self.rejected_frames;
+            state.dropped_frames = state.dropped_frames.saturating_add(self.dropped_replies);
+            self.reply(Event::State(state));
+        }
+        if self.closing == Some(sequence) {
+            self.closing = None;
+            let v_per_code = v_per_code(&self.identity);
+            if let Some(check) = &mut self.check {
+                check.close(v_per_code);
+            }
+        }
+        self.reply(Event::Ack { sequence, sample });
     }
 
     fn reply(&mut self, event: Event<'static>) {

@@ -247,12 +247,15 @@ impl ApplicationEnd<'_> {
         Ok(())
     }
 
-    /// The next report, if one waits.
-    pub fn report(&mut self) -> Option<Report> {
-        let report = self.reports.dequeue()?;
-        if matches!(report, Report::Done { .. }) {
+    /// The next report, if one waits. It is looked at where it lies, since it is long; [`Self::sent`] takes it away.
+    pub fn report(&self) -> Option<&Report> {
+        self.reports.peek()
+    }
+
+    /// Makes room where the next report lay.
+    pub fn sent(&mut self) {
+        if let Some(Report::Done { .. }) = self.reports.dequeue() {
             self.unanswered = self.unanswered.saturating_sub(1);
         }
-        Some(report)
     }
 }

@@ -231,13 +231,14 @@ impl<T: Real> Compensator<T> {
     /// The block whose samples went into `moments` and `state`.
     fn block(&self, moments: &Moments<T>, state: &CompensatorState<T>) -> Compensated<T> {
         let mut quality = 0;
-        let reaches_end =
-            |k: usize| moments.min()[k] < -FULL_SCALE || moments.max()[k] >= FULL_SCALE;
-        if (0..CHANNELS).any(reaches_end) {
+        let (min, max) = (moments.min(), moments.max());
+        let reaches_end = |k: usize| min[k] < -FULL_SCALE || max[k] >= FULL_SCALE;
+        let stands_still = |k: usize| min[k] == max[k];
+        let reference_clips = reaches_end(1) || reaches_end(2) || reaches_end(3);
+        if reaches_end(0) || reference_clips {
             quality |= Quality::SATURATED;
         }
-        let stands_still = |k: usize| moments.min()[k] == moments.max()[k];
-        let lost = (1..CHANNELS).all(stands_still) || (1..CHANNELS).any(reaches_end);
+        let lost = reference_clips || stands_still(1) && stands_still(2) && stands_still(3);
         if lost {
             quality |= Quality::REFERENCE_LOST;
         }
@@ -395,15 +396,18 @@ impl<T: Real> CompensatorState<T> {
     #[inline]
     pub fn push(&mut self, compensator: &Compensator<T>, codes: [i32; CHANNELS]) {
         if let Some(last) = &self.last {
-            for k in 0..2 {
+            let squared_step = |k: usize| {
                 let step = u64::from(codes[k].abs_diff(last[k]));
-                self.squared_steps[k] = self.squared_steps[k].wrapping_add(step * step);
-            }
+                step * step
+            };
+            let [instrument, reference] = &mut self.squared_steps;
+            *instrument = instrument.wrapping_add(squared_step(0));
+            *reference = reference.wrapping_add(squared_step(1));
             self.steps = self.steps.wrapping_add(1);
         }
-        for k in 0..2 {
-            self.below[k] += u32::from(codes[k] < compensator.zero[k]);
-        }
+        let [instrument, reference] = &mut self.below;
+        *instrument += u32::from(codes[0] < compensator.zero[0]);
+        *reference += u32::from(codes[1] < compensator.zero[1]);
         if compensator.mode == Mode::Pointwise {
             let before = self.last.zip(self.before_last);
             self.removed_g += compensator.removed_g(codes, before);

@@ -321,7 +321,9 @@ impl<T: Real> Accumulator<T> {
     /// [`MomentsError::TooLong`] if the block is full; the last [`SUB_BLOCK`] samples are dropped.
     #[inline]
     pub fn push(&mut self, sample: [i32; CHANNELS]) -> Result<(), MomentsError> {
-        self.sums.push(sample.map(code24), self.zero);
+        let [a, b, c, d] = sample;
+        let sample = [code24(a), code24(b), code24(c), code24(d)];
+        self.sums.push(sample, self.zero);
         if self.sums.count < SUB_BLOCK as i32 {
             Ok(())
         } else {

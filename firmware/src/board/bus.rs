@@ -77,9 +77,11 @@ impl Slot {
     fn put(&self, response: &Result<Response, FrameError>) {
         let (kind, word) = match response {
             Ok(response) => {
-                for (to, code) in self.codes.iter().zip(response.codes) {
-                    to.store(code, Ordering::Relaxed);
-                }
+                let [a, b, c, d] = response.codes;
+                self.codes[0].store(a, Ordering::Relaxed);
+                self.codes[1].store(b, Ordering::Relaxed);
+                self.codes[2].store(c, Ordering::Relaxed);
+                self.codes[3].store(d, Ordering::Relaxed);
                 (OPENED, u32::from(response.word))
             }
             Err(FrameError::Checksum(error)) => (
@@ -95,10 +97,11 @@ impl Slot {
     #[inline]
     fn get(&self) -> Result<Response, FrameError> {
         let word = self.word.load(Ordering::Relaxed);
+        let code = |k: usize| self.codes[k].load(Ordering::Relaxed);
         match self.kind.load(Ordering::Relaxed) {
             OPENED => Ok(Response {
                 word: word as u16,
-                codes: core::array::from_fn(|k| self.codes[k].load(Ordering::Relaxed)),
+                codes: [code(0), code(1), code(2), code(3)],
             }),
             CHECKSUM => Err(FrameError::Checksum(ChecksumError {
                 sent: (word >> 16) as u16,

@@ -60,7 +60,11 @@ impl fmt::Display for Table {
                 unit,
                 budget,
             } = figure;
-            let digits = usize::from(*value < 100.0 && value.fract() != 0.0);
+            let digits = match *value {
+                whole if whole.fract() == 0.0 || whole >= 100.0 => 0,
+                small if small < 1.0 => 2,
+                _ => 1,
+            };
             write!(f, "{name:58} {value:10.digits$} {unit}")?;
             match budget {
                 Some(budget) => writeln!(f, " (of {budget})")?,
@@ -345,9 +349,10 @@ pub fn roots() -> Result<Table, Error> {
     // The first instruction of a function that is never inlined is executed once a call.
     let calls = |function: &str| {
         let entry = executed.iter().filter(|(address, _)| {
-            let symbol = loader.find_symbol_info(**address);
             // The lowest bit of a function's address says that its instructions are Thumb's.
-            symbol.is_some_and(|s| s.address() & !1 == **address && s.name().contains(function))
+            let entry = **address | 1;
+            let symbol = loader.find_symbol_info(entry);
+            symbol.is_some_and(|s| s.address() == entry && s.name().contains(function))
         });
         entry.map(|(_, count)| *count as f64).sum::<f64>()
     };
