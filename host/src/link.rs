@@ -1,11 +1,13 @@
-//! The conversation with a live instrument: commands that are answered, everything that comes in its record.
+//! The conversation with a live instrument: commands that are answered, and everything that comes in its record, if there is
+//! to be one.
 
 use std::io::ErrorKind;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use shared::wire::configuration::Configuration;
 use shared::wire::framing::Frame;
-use shared::wire::message::{Command, Event, Identity, Refusal, Segment};
+use shared::wire::message::{Command, Event, Identity, Refusal, Segment, StoreFault};
 use shared::wire::version;
 
 use crate::error::Error;
@@ -21,6 +23,9 @@ const ANSWER: Duration = Duration::from_millis(500);
 /// Blocks come a hundred times a second: after so long without a byte the line is dead.
 const SILENCE: Duration = Duration::from_secs(2);
 
+/// How long the instrument's memory may take: the flash erases a sector in half a second, and tries another.
+const MEMORY: Duration = Duration::from_secs(5);
+
 /// Bytes read at once.
 const CHUNK: usize = 4096;
 
@@ -31,11 +36,25 @@ enum Answer {
     Refused(u16, Refusal),
 }
 
+/// What the instrument keeps over a loss of power.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept {
+    /// What it compensates with now.
+    pub configuration: Option<Configuration>,
+    /// How often its memory was written; 0 when nothing is kept.
+    pub writes: u32,
+    /// Why the memory does not hold what it should.
+    pub fault: Option<StoreFault>,
+}
+
 /// A live instrument and the record of what it says.
 #[derive(Debug)]
 pub struct Link<S> {
     source: S,
-    writer: Writer,
+    writer: Option<Writer>,
+    configuration: Option<Configuration>,
+    /// What it said last of its memory: writes and fault.
+    stored: Option<(u32, Option<StoreFault>)>,
     reader: Reader,
     identity: Option<Identity>,
     answers: Vec<Answer>,
@@ -49,9 +68,23 @@ impl<S: Source> Link<S> {
     /// # Errors
     /// [`Error::Link`] if nobody answers, or in another version; [`Error::Write`].
     pub fn open(source: S, file: &Path) -> Result<Self, Error> {
+        Self::greeted(source, Some(Writer::append(file)?))
+    }
+
+    /// The same without a record.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn unrecorded(source: S) -> Result<Self, Error> {
+        Self::greeted(source, None)
+    }
+
+    fn greeted(source: S, writer: Option<Writer>) -> Result<Self, Error> {
         let mut link = Self {
             source,
-            writer: Writer::append(file)?,
+            writer,
+            configuration: None,
+            stored: None,
             reader: Reader::new(),
             identity: None,
             answers: Vec::new(),
@@ -76,6 +109,43 @@ impl<S: Source> Link<S> {
     /// What was heard and what was missed.
     pub fn tally(&self) -> Tally {
         *self.reader.tally()
+    }
+
+    /// Makes the instrument keep this configuration, or none, and asks what it keeps then.
+    ///
+    /// # Errors
+    /// As [`Self::command`], and if its memory does not answer within five seconds.
+    pub fn configure(&mut self, configuration: Option<Configuration>) -> Result<Kept, Error> {
+        self.stored = None;
+        self.command(&match configuration {
+            Some(configuration) => Command::Configure(configuration),
+            None => Command::EraseConfiguration,
+        })?;
+        let end = Instant::now() + MEMORY;
+        while self.stored.is_none() {
+            if Instant::now() > end {
+                return Err(self.broken("the instrument's memory does not answer"));
+            }
+            self.take()?;
+        }
+        self.ask_configuration()
+    }
+
+    /// Asks what the instrument keeps.
+    ///
+    /// # Errors
+    /// As [`Self::command`].
+    pub fn ask_configuration(&mut self) -> Result<Kept, Error> {
+        self.stored = None;
+        self.command(&Command::AskConfiguration)?;
+        let (writes, fault) = self
+            .stored
+            .ok_or_else(|| self.broken("the instrument does not say what it keeps"))?;
+        Ok(Kept {
+            configuration: self.configuration,
+            writes,
+            fault,
+        })
     }
 
     /// Says a command until it is carried out.
@@ -157,8 +227,10 @@ impl<S: Source> Link<S> {
             Ok(length) => {
                 self.heard = Instant::now();
                 let bytes = &mut bytes[..length];
-                self.writer.write(bytes)?;
-                self.writer.flush()?;
+                if let Some(writer) = &mut self.writer {
+                    writer.write(bytes)?;
+                    writer.flush()?;
+                }
                 self.hear(bytes)
             }
             Err(error) => match error.kind() {
@@ -179,6 +251,8 @@ impl<S: Source> Link<S> {
             identity,
             answers,
             source,
+            configuration,
+            stored,
             ..
         } = self;
         let fed = reader.feed(bytes, &mut |event, _| {
@@ -188,6 +262,8 @@ impl<S: Source> Link<S> {
                 Event::Refused { sequence, reason } => {
                     answers.push(Answer::Refused(sequence, reason));
                 }
+                Event::Configuration(known) => *configuration = known,
+                Event::Stored { writes, fault, .. } => *stored = Some((writes, fault)),
                 _ => {}
             }
             Ok::<(), RecordError>(())
@@ -203,7 +279,9 @@ impl<S: Source> Link<S> {
     /// # Errors
     /// [`Error::Write`].
     pub fn finish(self) -> Result<Tally, Error> {
-        self.writer.finish()?;
+        if let Some(writer) = self.writer {
+            writer.finish()?;
+        }
         Ok(self.reader.finish())
     }
 

@@ -16,6 +16,7 @@ use firmware::adc::registers::Config;
 use host::bench::board::VirtualBoard;
 use host::bench::converter::{Converter, Signal};
 use host::campaign::Campaign;
+use host::identification::{Method, identify};
 use host::verification::verify;
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -212,5 +213,40 @@ fn a_port_without_an_instrument_is_one_line() -> Outcome {
         let told = String::from_utf8(assert.get_output().stderr.clone())?;
         assert_eq!(told.lines().count(), 1, "{told}");
     }
+    Ok(())
+}
+
+#[test]
+fn an_instrument_keeps_the_coefficients_it_is_given_shows_them_and_forgets_them() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let campaign = folder.path().join("campaign");
+    Command::cargo_bin("vre")?
+        .args(["simulate", "--seed", "3", "--out"])
+        .arg(&campaign)
+        .assert()
+        .success();
+    let instrument = Instrument::start(u64::MAX)?;
+    let configure = |more: &[&str]| -> Outcome<serde_json::Value> {
+        let mut command = Command::cargo_bin("vre")?;
+        command.args(["configure", "--json", "-", "--port"]);
+        let assert = command.arg(&instrument.port).args(more).assert().success();
+        Ok(serde_json::from_slice(&assert.get_output().stdout)?)
+    };
+    assert_eq!(configure(&[])?["writes"], 0);
+    let given = configure(&[campaign.to_str().ok_or("a path")?, "--block", "80"])?;
+    assert_eq!(given["fault"], serde_json::Value::Null);
+    assert!(given["writes"].as_u64() >= Some(1), "{given}");
+    let shown = configure(&[])?;
+    assert_eq!(shown, given);
+    let kept = &shown["configuration"];
+    assert_eq!(kept["compensation"]["block_samples"], 80);
+    // In volts at the converter, behind the divider by ten.
+    let found = identify(&Campaign::read(&campaign)?, Method::LeastSquares, None)?;
+    let k1 = kept["calibration"]["coefficients"]["nominal"][0].as_f64();
+    assert_eq!(k1, Some(found.model.scale_factor_v_per_g / 10.0));
+    assert_eq!(
+        configure(&["--erase"])?["configuration"],
+        serde_json::Value::Null
+    );
     Ok(())
 }

@@ -43,6 +43,7 @@ macro_rules! commands {
 
 commands! {
     capture::Capture,
+    configure::Configure,
     demo::Demo,
     blind_check::BlindCheck,
     diagnose::Diagnose,

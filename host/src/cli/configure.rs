@@ -1,0 +1,162 @@
+//! `vre configure`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use serde::Serialize;
+use shared::compensate;
+use shared::wire::configuration::Configuration;
+use shared::wire::message::StoreFault;
+
+use super::{Command, Console, positive};
+use crate::bench::excitation::FrontEnd;
+use crate::campaign::Campaign;
+use crate::error::Error;
+use crate::identification::{self, Method, NAMES};
+use crate::link::{Kept, Link};
+use crate::source::SerialSource;
+
+/// Give an instrument the coefficients of a campaign to compensate its vibration error with, which it keeps; or show or erase
+/// what it keeps
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  vre configure campaigns/S01000 --port /dev/ttyACM0
+  vre configure --port /dev/ttyACM0              shows what the instrument keeps
+  vre configure --port /dev/ttyACM0 --erase")]
+pub struct Configure {
+    /// Folder of the campaign whose coefficients it is to have; without one it is only asked
+    #[arg(conflicts_with = "erase")]
+    campaign: Option<PathBuf>,
+    /// The instrument's serial port
+    #[arg(long, value_name = "DEV")]
+    port: PathBuf,
+    /// Compensate no longer, and keep nothing
+    #[arg(long)]
+    erase: bool,
+    /// By a block's moments or point by point
+    #[arg(long, value_enum, default_value = "block")]
+    mode: Mode,
+    /// Where the vibration's moments come from
+    #[arg(long, value_enum, default_value = "reference")]
+    source: Source,
+    /// Conversions in a block: 40 are a hundred blocks a second at 4 kSPS
+    #[arg(long, value_name = "N", default_value_t = 40)]
+    block: u16,
+    /// Volts of the instrument's output over those at the converter
+    #[arg(long, value_name = "RATIO", default_value_t = 10.0, value_parser = positive)]
+    divider: f64,
+    /// Scale of the reference at the converter, V/g
+    #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = positive)]
+    reference: f64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Mode {
+    Block,
+    Pointwise,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Source {
+    Reference,
+    Instrument,
+}
+
+/// What `--json` gets.
+#[derive(Serialize)]
+struct Shown {
+    configuration: Option<Configuration>,
+    writes: u32,
+    fault: Option<StoreFault>,
+}
+
+impl Configure {
+    fn wanted(&self, campaign: &PathBuf) -> Result<Configuration, Error> {
+        let campaign = Campaign::read(campaign)?;
+        let found = identification::identify(&campaign, Method::LeastSquares, None)?;
+        let front_end = FrontEnd {
+            divider: self.divider,
+            reference_v_per_g: self.reference,
+        };
+        let mode = match self.mode {
+            Mode::Block => compensate::Mode::Block,
+            Mode::Pointwise => compensate::Mode::Pointwise,
+        };
+        let source = match self.source {
+            Source::Reference => compensate::Source::Reference,
+            Source::Instrument => compensate::Source::Instrument,
+        };
+        let wanted = found.configuration(&front_end, mode, source, self.block);
+        if wanted.is_possible() {
+            Ok(wanted)
+        } else {
+            let line = "no instrument can compensate with this: a block has at least 4 conversions, K1 is positive";
+            Err(Error::Usage(line.into()))
+        }
+    }
+}
+
+impl Command for Configure {
+    fn run(self, console: &Console) -> Result<(), Error> {
+        // The campaign first: a bad one must not touch the instrument.
+        let wanted = self.campaign.as_ref().map(|c| self.wanted(c)).transpose()?;
+        let mut link = Link::unrecorded(SerialSource::open(&self.port)?)?;
+        let kept = match (wanted, self.erase) {
+            (None, false) => link.ask_configuration()?,
+            (wanted, _) => link.configure(wanted)?,
+        };
+        console.print(text(&kept))?;
+        console.json(&Shown {
+            configuration: kept.configuration,
+            writes: kept.writes,
+            fault: kept.fault,
+        })?;
+        match kept.fault {
+            None => Ok(()),
+            Some(fault) => Err(Error::Link {
+                source_name: self.port.display().to_string(),
+                problem: format!("the instrument's memory failed: {fault:?}"),
+            }),
+        }
+    }
+}
+
+fn text(kept: &Kept) -> String {
+    let Some(Configuration {
+        compensation,
+        calibration,
+    }) = kept.configuration
+    else {
+        return "The instrument keeps nothing and compensates nothing.".into();
+    };
+    let mut text = String::new();
+    match compensation.mode {
+        None => text.push_str("The instrument does not compensate.\n"),
+        Some(mode) => {
+            let _ = writeln!(
+                text,
+                "The instrument compensates: {mode:?}, moments from {:?}, blocks of {} conversions.",
+                compensation.source, compensation.block_samples
+            );
+        }
+    }
+    match calibration {
+        None => text.push_str("It has no coefficients.\n"),
+        Some(known) => {
+            let covariance = known.covariance();
+            for (k, name) in NAMES.iter().enumerate() {
+                let value = known.coefficients.nominal[k];
+                let sigma = covariance[k][k].sqrt();
+                let _ = writeln!(text, "{name:<12} {value:>16.8e}  sigma {sigma:.1e}");
+            }
+            let _ = writeln!(
+                text,
+                "K1 is in volts at the converter; rank {} of 11.",
+                known.rank
+            );
+        }
+    }
+    let _ = write!(text, "Its memory was written {} times.", kept.writes);
+    text
+}
