@@ -318,7 +318,7 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
         .sum();
     let chi2: f64 = search.null_adequacy.observables.iter().map(|o| o.0).sum();
     let freedom: f64 = search.null_adequacy.observables.iter().map(|o| o.1).sum();
-    let shrink = problem.shrink(&search.null, &shown.fit);
+    let shrink = problem.shrink(campaign, search, &shown.fit);
     Diagnosis {
         format: FORMAT.into(),
         serial: campaign.config.instrument.serial.clone(),
@@ -453,7 +453,7 @@ fn similarity(problem: &Problem<'_>, search: &Search) -> Option<Similarity> {
     let references: Vec<_> = signatures.iter().collect();
     Some(Similarity {
         hypotheses: shown.iter().map(|h| name(&h.fit)).collect(),
-        correlation: problem.similarity(&search.null, &references),
+        correlation: problem.remainder(&search.null).similarity(&references),
     })
 }
 
@@ -542,6 +542,7 @@ impl Problem<'_> {
             }
             _ => vec![member.values[other]],
         };
+        let weighing = self.weighing(fit.trust.clone());
         let scores: Vec<(f64, f64)> = (0..FINE)
             .map(|n| {
                 let value = from + (n as f64 + 0.5) * step;
@@ -551,7 +552,7 @@ impl Problem<'_> {
                     if other != k {
                         members[m].values[other] = setting;
                     }
-                    self.profile(&members, &fit.trust)
+                    self.profile(&members, &weighing)
                 });
                 (value, objectives.fold(f64::INFINITY, f64::min))
             })

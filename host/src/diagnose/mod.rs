@@ -11,6 +11,7 @@
 mod adequacy;
 pub mod blind;
 pub mod catalogue;
+mod closing;
 mod dense;
 pub mod diagnosis;
 pub mod fit;
@@ -22,6 +23,7 @@ pub mod problem;
 pub mod search;
 mod shrink;
 mod text;
+pub mod visibility;
 
 pub use diagnosis::{Diagnosis, Study, Verdict, diagnose};
 pub use forecast::predict_with_effects;

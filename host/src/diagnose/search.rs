@@ -2,7 +2,7 @@
 
 use shared::model::NOMINAL;
 
-use super::adequacy::Adequacy;
+use super::adequacy::{Adequacy, Remainder};
 use super::catalogue::{Action, Effect, Role};
 use super::dense::Cholesky;
 use super::fit::{Fit, Member, grid, nominal};
@@ -29,6 +29,8 @@ const BASES: usize = 3;
 /// Most promising effects that are fitted, first and on top of others.
 const CLOSER_LOOK: usize = 10;
 const FURTHER: usize = 4;
+/// Share of the most promising effect's gain, at the nearest points of the grids, below which another one cannot win.
+const HOPELESS: f64 = 0.05;
 /// A small value of a parameter that begins at nothing.
 const SMALL: f64 = 2e-3;
 /// Modes that an effect of several curved parameters is fitted from.
@@ -218,7 +220,7 @@ impl Problem<'_> {
 
     /// The best starts of every effect on top of a fit, the most promising effect first.
     fn promising(&self, base: &Fit, starts: &[Start]) -> Vec<Promise> {
-        let residual = self.column(base.residuals.clone());
+        let remainder = self.remainder(base);
         let commanded = self.moving(&self.situation.motions);
         let mut promises: Vec<Promise> = Vec::new();
         for start in starts {
@@ -233,19 +235,17 @@ impl Problem<'_> {
             let gain = match effect.action {
                 Action::Adds(_) if effect.linear() > 0 => {
                     let columns: Vec<&Column> = start.columns.iter().collect();
-                    self.gain(base, &columns, &residual, 1e8).0
+                    remainder.gain(&columns, 1e8).0
                 }
-                Action::Adds(_) => self.fixed_gain(base, &start.columns[0], &residual),
+                Action::Adds(_) => fixed_gain(&remainder, &start.columns[0]),
                 Action::Moves(..) if from_nothing(effect) => {
                     let column = self.moved_difference(base, start, &commanded);
-                    self.gain(base, &[&column], &residual, 1e8).0
+                    remainder.gain(&[&column], 1e8).0
                 }
                 Action::Moves(..) if base.members.is_empty() => self.moved_gain(base, start),
-                Action::Moves(..) => self.fixed_gain(
-                    base,
-                    &self.moved_difference(base, start, &commanded),
-                    &residual,
-                ),
+                Action::Moves(..) => {
+                    fixed_gain(&remainder, &self.moved_difference(base, start, &commanded))
+                }
                 Action::Scatters(_) => self.scatter_gain(base, &start.member),
             };
             // One start for each value of the first parameter that is not in proportion: modes lie apart along it.
@@ -275,13 +275,9 @@ impl Problem<'_> {
             promise.starts.truncate(if curved > 1 { MODES } else { 2 });
         }
         promises.sort_by(|a, b| b.starts[0].0.total_cmp(&a.starts[0].0));
+        let largest = promises.first().map_or(0.0, |p| p.starts[0].0);
+        promises.retain(|p| p.starts[0].0 > HOPELESS * largest);
         promises
-    }
-
-    /// Drop of chi-square by a column that is added as it is.
-    fn fixed_gain(&self, base: &Fit, column: &Column, residual: &Column) -> f64 {
-        let (matrix, right) = self.reduced(base, &[column], residual);
-        2.0 * right[0] - matrix[0]
     }
 
     /// What a changed motion adds to the predictions of a fit.
@@ -299,6 +295,9 @@ impl Problem<'_> {
             [Block::During, Block::Maximum, Block::Minimum].map(|block| self.range(block).start);
         for (row, (moved, commanded)) in start.rows.iter().zip(commanded).enumerate() {
             for (part, first) in blocks.into_iter().enumerate() {
+                if self.weights[first + row] == 0.0 {
+                    continue;
+                }
                 let terms = moved[part].iter().zip(&commanded[part]).zip(&base.theta);
                 values[first + row] +=
                     self.weights[first + row] * terms.map(|((a, b), x)| (a - b) * x).sum::<f64>();
@@ -309,7 +308,7 @@ impl Problem<'_> {
 
     /// Drop of chi-square by a changed motion, the coefficients fitted anew.
     fn moved_gain(&self, base: &Fit, start: &Start) -> f64 {
-        let mut matrix = self.still.matrix.clone();
+        let mut matrix = self.still.matrix;
         let mut right = self.still.right;
         let mut square = self.still.square;
         let blocks =
@@ -355,7 +354,7 @@ impl Problem<'_> {
                 .zip(&self.observed.values[rows]);
             square += pairs.map(|(seen, y)| seen * (seen - 2.0 * y)).sum::<f64>();
         }
-        let Some(factor) = Cholesky::new(matrix, NOMINAL) else {
+        let Some(factor) = Cholesky::new(matrix.to_vec(), NOMINAL) else {
             return f64::NEG_INFINITY;
         };
         factor.forward(&mut right);
@@ -411,6 +410,9 @@ impl Problem<'_> {
         for ((run, row), trust) in self.situation.runs.iter().zip(rows).zip(&base.trust) {
             let added =
                 scatter(&member.values, run, &self.situation) * self.weights[row].powi(2) * trust;
+            if added == 0.0 {
+                continue;
+            }
             gain += base.residuals[row].powi(2) * added / (1.0 + added) - added.ln_1p();
         }
         gain
@@ -424,7 +426,7 @@ impl Problem<'_> {
             .map(|member| self.alone(fit, member))
             .collect();
         let references: Vec<&Column> = alone.iter().collect();
-        let correlation = self.similarity(null, &references);
+        let correlation = self.remainder(null).similarity(&references);
         let mut largest = 0.0_f64;
         for i in 0..alone.len() {
             for j in 0..i {
@@ -556,6 +558,12 @@ fn from_nothing(effect: &Effect) -> bool {
         )
     };
     matches!(effect.action, Action::Moves(..)) && effect.parameters.iter().all(|p| even(p.role))
+}
+
+/// Drop of chi-square by a column that is added as it is.
+fn fixed_gain(remainder: &Remainder<'_>, column: &Column) -> f64 {
+    let (matrix, right) = remainder.normal(&[column]);
+    2.0 * right[0] - matrix[0]
 }
 
 fn best_of(fits: &[Fit]) -> Option<&Fit> {

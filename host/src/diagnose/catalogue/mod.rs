@@ -115,8 +115,8 @@ pub enum Action {
     /// Adds to the observations: per unit of the linear parameter number `k`, at the others' values; with no linear
     /// parameter, all that it adds.
     Adds(fn(&[f64], usize, &Situation<'_>, &mut Change)),
-    /// Changes the instrument's motion in a run; whether the reference sees it.
-    Moves(fn(&[f64], &Run, &Situation<'_>, &mut Motion), Seen),
+    /// Changes the instrument's motion in each run; whether the reference sees it.
+    Moves(fn(&[f64], &Situation<'_>, &mut [Motion]), Seen),
     /// Scatters a run's `during`: the variance in g^2.
     Scatters(fn(&[f64], &Run, &Situation<'_>) -> f64),
 }
