@@ -10,8 +10,9 @@
 //! closed = 1 - sqrt(E|t - w|^2 / E|t - r|^2)
 //! ```
 //!
-//! Noise of the plateaus and what a finite record hides are in none of these: it is the fraction of what the refit
-//! leaves above the floor. The runs lie between those of the campaign: frequency, level and direction each between two
+//! C_h holds what the effect makes of a record that nobody knows (clipping, a resonance within the band), too. Noise of
+//! the plateaus and what a finite record hides of the nominal model are in none of these: it is the fraction of what the
+//! refit leaves above the floor. The runs lie between those of the campaign: frequency, level and direction each between two
 //! of its runs, so that the instrument's input axis is shaken. Where nothing in the catalogue explains the gap, the error
 //! that cross-validation finds beyond what the hypothesis admits is added to its covariance.
 
@@ -21,7 +22,7 @@ use super::forecast::Forecast;
 use super::locate::SplitMix;
 use super::problem::Problem;
 use super::search::Search;
-use crate::campaign::{Campaign, Run, VibrationKind};
+use crate::campaign::{Campaign, ReferenceMoments, Run, VibrationKind};
 
 impl Problem<'_> {
     /// Fraction, 0 to 1, of what the refit leaves that `shown` is expected to close on runs like the campaign's;
@@ -52,8 +53,9 @@ impl Problem<'_> {
             let says = says(&hypothesis.fit);
             let of = |prediction: &Forecast| -> f64 {
                 let error = |row: usize| prediction.vre_g[row] - says.vre_g[row];
-                let square = |row: usize| error(row).powi(2) + says.variance[row] + misfit_g2;
-                new.clone().map(square).sum()
+                let spread = |row: usize| says.variance[row] + says.record[row] + misfit_g2;
+                let rows = new.clone();
+                rows.map(|row| error(row).powi(2) + spread(row)).sum()
             };
             left += hypothesis.probability * of(&with);
             before += hypothesis.probability * of(&refit);
@@ -105,21 +107,38 @@ fn between(runs: &[Run]) -> Vec<Run> {
             part * near.direction[axis] + (1.0 - part) * far.direction[axis]
         });
         let length = mixed.iter().map(|n| n * n).sum::<f64>().sqrt();
+        let direction = if length > 0.1 {
+            mixed.map(|n| n / length)
+        } else {
+            near.direction
+        };
         Run {
             run: number + n,
             time_s: last.time_s + n as f64 * interval_s.max(1.0),
-            direction: if length > 0.1 {
-                mixed.map(|n| n / length)
-            } else {
-                near.direction
-            },
+            direction,
             specific_force_g: near.specific_force_g,
             level_g,
             band_hz,
             measured: None,
-            reference: None,
+            // The moments of a random record will have been seen: a Gaussian's, for all that is known before.
+            reference: run
+                .reference
+                .filter(|_| run.kind == VibrationKind::Random)
+                .map(|_| gaussian(direction.map(|n| n * level_g))),
             ..(*run).clone()
         }
     });
     drawn.collect()
+}
+
+/// What the reference sees of Gaussian noise along one line with these rms values, g.
+fn gaussian(rms_g: [f64; 3]) -> ReferenceMoments {
+    let [i, p, o] = rms_g;
+    let line = |x: f64, y: f64| if x * y == 0.0 { 0.0 } else { (x * y).signum() };
+    ReferenceMoments {
+        rms_g: rms_g.map(f64::abs),
+        skewness: [0.0; 3],
+        kurtosis: rms_g.map(|rms_g| if rms_g == 0.0 { 0.0 } else { 3.0 }),
+        correlation: Some([line(i, p), line(i, o), line(p, o)]),
+    }
 }

@@ -44,7 +44,7 @@ impl Cholesky {
 
     /// L^-1 x, in place.
     pub fn forward(&self, x: &mut [f64]) {
-        for (i, row) in self.lower.chunks_exact(self.order).enumerate() {
+        for (i, row) in self.lower.chunks_exact(self.order.max(1)).enumerate() {
             x[i] = (x[i] - inner_product(&row[..i], &x[..i])) / row[i];
         }
     }

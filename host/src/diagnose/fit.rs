@@ -69,7 +69,7 @@ fn inner(role: Role, value: f64) -> f64 {
     }
 }
 
-fn outer(role: Role, inner: f64) -> f64 {
+pub(super) fn outer(role: Role, inner: f64) -> f64 {
     match role {
         Role::Curved {
             logarithmic: true, ..
@@ -79,7 +79,7 @@ fn outer(role: Role, inner: f64) -> f64 {
 }
 
 /// Ends of a parameter's range on its internal scale.
-fn range(role: Role) -> Option<(f64, f64)> {
+pub(super) fn range(role: Role) -> Option<(f64, f64)> {
     match role {
         Role::Linear { .. } => None,
         Role::Curved { from, to, .. } => Some((inner(role, from), inner(role, to))),

@@ -36,11 +36,13 @@ pub fn predict_with_effects(
     }
     let predictor = problem.unweighted();
     let forecast = predictor.forecast(&fit);
+    let commanded = &predictor.situation.motions;
+    let unseen = predictor.unseen_variance(&nominal(&fit.theta), commanded, &forecast.record);
     let found = runs.iter().map(|run| {
         let known = &predictor.situation.runs;
         let row = known.iter().position(|known| same(known, run));
         row.map_or(Quantity::UNDETERMINED, |row| {
-            let variance = forecast.variance[row] + forecast.unseen[row];
+            let variance = forecast.variance[row] + unseen[row];
             Quantity::new(forecast.vre_g[row], variance.sqrt())
         })
     });
@@ -57,8 +59,8 @@ pub(super) struct Forecast {
     pub(super) vre_g: Vec<f64>,
     /// Its variance from coefficients and parameters, g^2.
     pub(super) variance: Vec<f64>,
-    /// Its variance from what of the record nobody saw, g^2.
-    unseen: Vec<f64>,
+    /// Its variance from what the effects make of a record that nobody knows, g^2.
+    pub(super) record: Vec<f64>,
 }
 
 impl<'c> Problem<'c> {
@@ -71,7 +73,7 @@ impl<'c> Problem<'c> {
 
     /// What `fit` says of every run.
     pub(super) fn forecast(&self, fit: &Fit) -> Forecast {
-        let (columns, values, added) = self.tangent(&fit.members, &fit.theta);
+        let (columns, values, _) = self.tangent(&fit.members, &fit.theta);
         let n = columns.len();
         let [before, during] = [Block::Before, Block::During].map(|block| self.range(block).start);
         let vre = |values: &[f64], row: usize| values[during + row] - values[before + row];
@@ -92,7 +94,7 @@ impl<'c> Problem<'c> {
                 .map(|row| vre(&values, row) / fit.theta[0])
                 .collect(),
             variance: rows.map(variance).collect(),
-            unseen: self.unseen_variance(&nominal(&fit.theta), &fit.motions, &added),
+            record: self.prediction(&fit.members, &fit.theta).1,
         }
     }
 }

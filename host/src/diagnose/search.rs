@@ -85,10 +85,12 @@ impl Problem<'_> {
     pub fn search(&mut self, catalogue: &[&'static Effect]) -> Option<Search> {
         self.situation.coefficients = self.coefficients_at_rest()?;
         let null = self.fit_nominal()?;
+        self.situation.searching = true;
         let starts: Vec<Start> = catalogue
             .iter()
             .flat_map(|effect| self.starts(effect))
             .collect();
+        self.situation.searching = false;
         let mut fits = self.add_to(&null, &starts, CLOSER_LOOK);
         fits.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         let families = self.families();
@@ -374,9 +376,35 @@ impl Problem<'_> {
                     .into_iter()
                     .filter(|(gain, _)| *gain > 0.5 * largest);
                 let fits = worth.filter_map(|(_, member)| self.refined(base, member));
-                fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+                let best = fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+                Some(self.other_signs(best))
             })
             .collect()
+    }
+
+    /// Without a reference nothing but the instrument's cross-couplings tells the sign of a motion across the drive: a
+    /// fit's last effect from the other signs as well.
+    fn other_signs(&self, mut best: Fit) -> Fit {
+        let last = best.members.len() - 1;
+        let Member { effect, values } = best.members[last].clone();
+        if !from_nothing(effect)
+            || values.len() < 2
+            || self.observed_rows(Block::Reference).next().is_some()
+        {
+            return best;
+        }
+        for signs in 1..1_usize << values.len() {
+            let mut members = best.members.clone();
+            for (k, value) in values.iter().enumerate() {
+                members[last].values[k] = if signs >> k & 1 == 1 { -value } else { *value };
+            }
+            if let Some(fit) = self.refit(members, &best.trust)
+                && fit.log_evidence > best.log_evidence
+            {
+                best = fit;
+            }
+        }
+        best
     }
 
     fn refined(&self, base: &Fit, member: Member) -> Option<Fit> {
@@ -512,11 +540,17 @@ impl Problem<'_> {
             .fold((0.0, 0.0), |sum, o| (sum.0 + o.0, sum.1 + o.1));
         // Where even the best leaves more than noise, differences count for less.
         let temper = (chi2 / f64::max(freedom, 1.0)).max(1.0);
+        let large = adequacy.excess > TOLERATED_SHARE.powi(2) * gap_chi2;
         let best = hypotheses[0].log_weight;
         let something_else = PRIOR_SOMETHING_ELSE.ln() + adequacy.log_something_else / temper;
         let nothing_known =
             PRIOR_SOMETHING_ELSE.ln() + null.log_evidence + null_adequacy.log_something_else - best;
-        let mut total = something_else.exp() + nothing_known.exp();
+        // A small misfit is the formulas': it makes nothing else probable.
+        let mut total = if large {
+            something_else.exp() + nothing_known.exp()
+        } else {
+            0.0
+        };
         for hypothesis in &mut hypotheses {
             hypothesis.probability = ((hypothesis.log_weight - best) / temper).exp();
             total += hypothesis.probability;
@@ -524,7 +558,6 @@ impl Problem<'_> {
         for hypothesis in &mut hypotheses {
             hypothesis.probability /= total;
         }
-        let large = adequacy.excess > TOLERATED_SHARE.powi(2) * gap_chi2;
         let unexplained =
             large && (adequacy.p_value < MISFIT || something_else > 3.0 || nothing_known > 0.0);
         Search {
