@@ -9,7 +9,7 @@ use shared::model::{Coefficients, NOMINAL};
 use super::catalogue::{Action, Effect, Role, Seen};
 use super::dense::Cholesky;
 use super::motion::Motion;
-use super::problem::{Block, Change, Column, Normal, Problem};
+use super::problem::{Block, Change, Column, Normal, Problem, Situation};
 
 /// An effect with values of its parameters.
 #[derive(Clone, Debug)]
@@ -145,26 +145,36 @@ impl Problem<'_> {
             offset: None,
             variance: vec![0.0; self.run_count()],
         };
+        for Member { effect, values } in members {
+            if let Action::Moves(move_, _) = effect.action {
+                move_(
+                    values,
+                    s,
+                    parts.motions.get_or_insert_with(|| s.motions.clone()),
+                );
+            }
+        }
+        // What adds to the output sees the motion as it is.
+        let moved = parts.motions.as_ref().map(|motions| Situation {
+            motions: motions.clone(),
+            ..s.clone()
+        });
+        let felt = moved.as_ref().unwrap_or(s);
         let mut offset = None;
         for Member { effect, values } in members {
             match effect.action {
                 Action::Adds(add) => {
                     for k in 0..effect.linear() {
                         let mut change = self.no_change();
-                        add(values, k, s, &mut change);
+                        add(values, k, felt, &mut change);
                         parts.linear.push(self.whiten(change));
                     }
                     if effect.linear() == 0 {
-                        add(values, 0, s, offset.get_or_insert_with(|| self.no_change()));
+                        let change = offset.get_or_insert_with(|| self.no_change());
+                        add(values, 0, felt, change);
                     }
                 }
-                Action::Moves(move_, _) => {
-                    move_(
-                        values,
-                        s,
-                        parts.motions.get_or_insert_with(|| s.motions.clone()),
-                    );
-                }
+                Action::Moves(..) => {}
                 Action::Scatters(scatter) => {
                     for (run, variance) in s.runs.iter().zip(&mut parts.variance) {
                         *variance += scatter(values, run, s);
@@ -453,6 +463,9 @@ impl Problem<'_> {
 
     /// Columns of the derivatives by the curved parameters on their internal scale.
     fn derivatives(&self, members: &[Member], x: &[f64], curved: &[(usize, usize)]) -> Vec<Column> {
+        let moving = members
+            .iter()
+            .any(|m| matches!(m.effect.action, Action::Moves(..)));
         let columns: Vec<Vec<f64>> = curved
             .iter()
             .map(|&(m, k)| {
@@ -464,7 +477,8 @@ impl Problem<'_> {
                 let mut moved = [members.to_vec(), members.to_vec()];
                 moved[0][m].values[k] = outer(role, t - h);
                 moved[1][m].values[k] = outer(role, t + h);
-                let [then, now] = if matches!(members[m].effect.action, Action::Adds(_)) {
+                let [then, now] = if !moving && matches!(members[m].effect.action, Action::Adds(_))
+                {
                     let linear = |members: &[Member]| {
                         members.iter().map(|m| m.effect.linear()).sum::<usize>()
                     };

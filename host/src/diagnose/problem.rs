@@ -5,6 +5,7 @@
 //! remounting. The plateaus of a run stand for themselves, at the run's nominal attitude.
 
 use std::ops::Range;
+use std::rc::Rc;
 
 use shared::model::{Coefficients, NOMINAL, SpecificForce, terms};
 use shared::tumble::within_a_turn;
@@ -122,18 +123,18 @@ impl Change {
 }
 
 /// What effects may look at.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Situation<'c> {
     /// Dial readings.
     pub readings: &'c [Reading],
     /// Runs, those to be predicted included, in the order of time.
     pub runs: Vec<&'c Run>,
-    /// Their commanded motion.
+    /// Their motion: as commanded, or as another effect of the hypothesis has changed it.
     pub motions: Vec<Motion>,
     /// Tables for time means.
-    pub averages: Averages,
+    pub averages: Rc<Averages>,
     /// Their bands.
-    pub bands: Bands,
+    pub bands: Rc<Bands>,
     /// Coefficients that the nominal model is believed to have.
     pub coefficients: Coefficients<f64>,
     /// Largest magnitude of each run's vibration along IA, g.
@@ -205,8 +206,8 @@ impl<'c> Problem<'c> {
         let bench = &campaign.config.bench;
         let situation = Situation {
             motions: runs.iter().map(|run| Motion::commanded(run)).collect(),
-            averages: Averages::new(runs.iter().copied()),
-            bands: Bands::new(runs.iter().copied()),
+            averages: Rc::new(Averages::new(runs.iter().copied())),
+            bands: Rc::new(Bands::new(runs.iter().copied())),
             coefficients: Coefficients {
                 scale_factor_v_per_g: scale_v_per_g,
                 ..Coefficients::default()
