@@ -436,11 +436,16 @@ fn parameters(problem: &Problem<'_>, fit: &Fit) -> Vec<ParameterEstimate> {
                     let (value, sigma) = problem.scattered(fit, m);
                     put(parameter.name, value, sigma);
                 }
-                role if wide(role, index(k).map(|i| fit.covariance[i * n + i])) => {
-                    let (value, sigma) = problem.over_its_range(fit, m, k);
-                    put(parameter.name, value, sigma);
+                role => {
+                    let mut estimate = (values[k], covariance(k, k).max(0.0).sqrt());
+                    if wide(role, index(k).map(|i| fit.covariance[i * n + i])) {
+                        let over_its_range = problem.over_its_range(fit, m, k);
+                        if over_its_range.1 > estimate.1 {
+                            estimate = over_its_range;
+                        }
+                    }
+                    put(parameter.name, estimate.0, estimate.1);
                 }
-                _ => put(parameter.name, values[k], covariance(k, k).max(0.0).sqrt()),
             }
         }
     }
@@ -591,7 +596,9 @@ impl Problem<'_> {
         let runs = self.situation.runs.iter().enumerate();
         let telling: f64 = runs
             .map(|(row, run)| {
-                let added = scatter(&fit.members[m].values, run, &self.situation)
+                let added = value
+                    * value
+                    * scatter(run, &self.situation)
                     * self.weights[start + row].powi(2);
                 (added / (1.0 + added)).powi(2)
             })

@@ -11,6 +11,9 @@ use super::dense::Cholesky;
 use super::motion::Motion;
 use super::problem::{Block, Change, Column, Normal, Problem, Situation};
 
+/// Change of chi-square, and of the logarithm of a run's weight, at which a fit has settled.
+const SETTLED: f64 = 1e-2;
+
 /// An effect with values of its parameters.
 #[derive(Clone, Debug)]
 pub struct Member {
@@ -177,7 +180,7 @@ impl Problem<'_> {
                 Action::Moves(..) => {}
                 Action::Scatters(scatter) => {
                     for (run, variance) in s.runs.iter().zip(&mut parts.variance) {
-                        *variance += scatter(values, run, s);
+                        *variance += values[0] * values[0] * scatter(run, s);
                     }
                 }
             }
@@ -403,7 +406,7 @@ impl Problem<'_> {
                 let Some(better) = better else { break };
                 let gained = solution.objective - better.2.objective;
                 (members, parts, solution) = better;
-                if gained < 1e-3 {
+                if gained < SETTLED {
                     break;
                 }
             }
@@ -416,9 +419,15 @@ impl Problem<'_> {
             let motions = parts.motions.as_deref().unwrap_or(&self.situation.motions);
             let added = added_variance(&parts, &solution.x);
             let extra = self.unseen_variance(&theta, motions, &added);
-            weighing = self.weighing(extra.iter().map(|e| 1.0 / (1.0 + e)).collect());
+            let trust: Vec<f64> = extra.iter().map(|e| 1.0 / (1.0 + e)).collect();
+            let before = weighing.trust.iter().zip(&trust);
+            let settled = before.map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max) < SETTLED;
+            weighing = self.weighing(trust);
             log_variance = extra.iter().map(|e| e.ln_1p()).sum();
             solution = self.solve_parts(&members, &parts, &weighing)?;
+            if settled {
+                break;
+            }
         }
         if !curved.is_empty() {
             derivatives = self.derivatives(&members, &solution.x, &curved);

@@ -57,19 +57,7 @@ impl Problem<'_> {
         let mut tests: Vec<NextTest> = proposals(campaign)
             .into_iter()
             .filter_map(|proposal| {
-                let mut larger = campaign.clone();
-                let made = larger.runs.len();
-                larger.readings.extend(proposal.readings);
-                larger.runs.extend(proposal.runs);
-                let mut problem = Problem::with_scale(&larger, &[], self.scale_v_per_g);
-                problem.situation.coefficients = self.situation.coefficients;
-                if proposal.swapped {
-                    problem.seen_beside_instrument = made;
-                }
-                let mut gained = problem.separations(&fits);
-                for (gained, now) in gained.iter_mut().flatten().zip(now.iter().flatten()) {
-                    *gained = (*gained - now).max(0.0);
-                }
+                let gained = self.gained(campaign, &proposal, &fits, &now);
                 let expected_bits = expected_bits(&probabilities, &gained);
                 (expected_bits > LEAST_BITS).then(|| NextTest {
                     change: proposal.words,
@@ -81,6 +69,30 @@ impl Problem<'_> {
         tests.sort_by(|a, b| b.expected_bits.total_cmp(&a.expected_bits));
         tests.truncate(PROPOSED);
         tests
+    }
+
+    /// By how much a test would raise the squared distances between fits over `now`.
+    fn gained(
+        &self,
+        campaign: &Campaign,
+        proposal: &Proposal,
+        fits: &[&Fit],
+        now: &[Vec<f64>],
+    ) -> Vec<Vec<f64>> {
+        let mut larger = campaign.clone();
+        let made = larger.runs.len();
+        larger.readings.extend_from_slice(&proposal.readings);
+        larger.runs.extend_from_slice(&proposal.runs);
+        let mut problem = Problem::with_scale(&larger, &[], self.scale_v_per_g);
+        problem.situation.coefficients = self.situation.coefficients;
+        if proposal.swapped {
+            problem.seen_beside_instrument = made;
+        }
+        let mut gained = problem.separations(fits);
+        for (gained, now) in gained.iter_mut().flatten().zip(now.iter().flatten()) {
+            *gained = (*gained - now).max(0.0);
+        }
+        gained
     }
 
     /// Squared distance, in units of noise, of what each fit predicts from the nearest that each other one can say.
@@ -326,7 +338,55 @@ fn proposals(campaign: &Campaign) -> Vec<Proposal> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::catalogue;
+    use super::super::fit::Member;
     use super::*;
+    use crate::bench::noise::Seed;
+    use crate::bench::plan::Static;
+    use crate::bench::simulate::{Specification, VirtualBench};
+
+    /// Squared distance that a proposal adds between an effect of that size and nothing.
+    fn added(words: &str, id: &str, values: &[f64]) -> f64 {
+        let specification = Specification::with_dial_sigma(1.0);
+        let bench = VirtualBench::new(Seed(4), Static::Default, specification, Vec::new());
+        let campaign = bench.simulate().campaign;
+        let problem = Problem::new(&campaign, &[]);
+        let null = problem.fit_nominal().unwrap();
+        let member = Member {
+            effect: catalogue::find(id).unwrap(),
+            values: values.to_vec(),
+        };
+        let acting = Fit {
+            members: vec![member],
+            ..null.clone()
+        };
+        let fits = [&acting, &null];
+        let proposals = proposals(&campaign);
+        let proposal = proposals.iter().find(|p| p.words.contains(words)).unwrap();
+        let now = problem.separations(&fits);
+        problem.gained(&campaign, proposal, &fits, &now)[0][1]
+    }
+
+    #[test]
+    fn a_swap_of_the_reference_shows_what_the_instrument_alone_feels() {
+        // One part in a hundred against the reference's 2e-4, in six runs.
+        let distance = added("swap the reference", "reference-scale", &[0.01]);
+        assert!(distance > 6.0 * 50.0_f64.powi(2), "{distance}");
+        assert!(added("swap the reference", "thermal-bias", &[1e-6]) < 100.0);
+    }
+
+    #[test]
+    fn a_dwell_shows_what_takes_longer_than_a_run() {
+        // A shift of a time constant of 100 s grows through a dwell of 600 s, but hardly in a run of 8 s.
+        let heating = [1e-6, 100.0, 8.0];
+        let dwell = added("a dwell of", "self-heating", &heating);
+        let runs = added(
+            "three sines of 6 g along the input axis at 180 Hz",
+            "self-heating",
+            &heating,
+        );
+        assert!(dwell > 10.0 * runs, "{dwell} {runs}");
+    }
 
     #[test]
     fn information_is_nothing_without_a_difference_and_the_entropy_with_a_large_one() {

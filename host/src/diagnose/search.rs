@@ -1,5 +1,7 @@
 //! Which effects: singles, pairs and steps beyond, by marginal likelihood.
 
+use std::collections::HashMap;
+
 use shared::model::NOMINAL;
 
 use super::adequacy::{Adequacy, Remainder};
@@ -225,6 +227,7 @@ impl Problem<'_> {
         let remainder = self.remainder(base);
         let commanded = self.moving(&self.situation.motions);
         let mut promises: Vec<Promise> = Vec::new();
+        let mut scatters: HashMap<&str, Vec<(usize, f64)>> = HashMap::new();
         for start in starts {
             let effect = start.member.effect;
             if base
@@ -248,7 +251,12 @@ impl Problem<'_> {
                 Action::Moves(..) => {
                     fixed_gain(&remainder, &self.moved_difference(base, start, &commanded))
                 }
-                Action::Scatters(_) => self.scatter_gain(base, &start.member),
+                Action::Scatters(_) => {
+                    let unit = scatters
+                        .entry(effect.id)
+                        .or_insert_with(|| self.unit_scatter(base, effect));
+                    self.scatter_gain(base, unit, start.member.values[0])
+                }
             };
             // One start for each value of the first parameter that is not in proportion: modes lie apart along it.
             let mode = |member: &Member| member.values.get(effect.linear()).copied();
@@ -428,22 +436,28 @@ impl Problem<'_> {
         Some(fit)
     }
 
-    /// Drop of -2 log likelihood by a scatter of `during`, at a fit's residuals.
-    fn scatter_gain(&self, base: &Fit, member: &Member) -> f64 {
-        let Action::Scatters(scatter) = member.effect.action else {
-            return 0.0;
+    /// Drop of -2 log likelihood by a scatter of `during` of that size, at a fit's residuals. `unit` is what of size 1 would
+    /// add to the variance of each run that it touches, in units of what the fit has: row of the run, and variance.
+    fn scatter_gain(&self, base: &Fit, unit: &[(usize, f64)], size: f64) -> f64 {
+        let gain = unit.iter().map(|&(row, unit)| {
+            let added = size * size * unit;
+            base.residuals[row].powi(2) * added / (1.0 + added) - added.ln_1p()
+        });
+        gain.sum()
+    }
+
+    fn unit_scatter(&self, base: &Fit, effect: &Effect) -> Vec<(usize, f64)> {
+        let Action::Scatters(scatter) = effect.action else {
+            return Vec::new();
         };
-        let rows = self.range(Block::During);
-        let mut gain = 0.0;
-        for ((run, row), trust) in self.situation.runs.iter().zip(rows).zip(&base.trust) {
-            let added =
-                scatter(&member.values, run, &self.situation) * self.weights[row].powi(2) * trust;
-            if added == 0.0 {
-                continue;
-            }
-            gain += base.residuals[row].powi(2) * added / (1.0 + added) - added.ln_1p();
-        }
-        gain
+        let runs = self.situation.runs.iter().zip(self.range(Block::During));
+        runs.zip(&base.trust)
+            .map(|((run, row), trust)| {
+                let variance = scatter(run, &self.situation);
+                (row, variance * self.weights[row].powi(2) * trust)
+            })
+            .filter(|(_, unit)| *unit > 0.0)
+            .collect()
     }
 
     /// Largest likeness of any two effects of a fit, beyond what the nominal model can imitate.
@@ -475,25 +489,16 @@ impl Problem<'_> {
     fn best_scatter(&self, fit: &Fit, index: usize) -> f64 {
         let mut bare = fit.clone();
         let member = bare.members.remove(index);
-        let Action::Scatters(scatter) = member.effect.action else {
-            return member.values[0];
-        };
-        let rows = self.range(Block::During);
-        for ((run, row), trust) in self.situation.runs.iter().zip(rows).zip(&mut bare.trust) {
-            let added = scatter(&member.values, run, &self.situation) * self.weights[row].powi(2);
-            let without = 1.0 / (1.0 / *trust - added).max(1.0);
-            bare.residuals[row] *= (without / *trust).sqrt();
-            *trust = without;
+        let first = self.range(Block::During).start;
+        for (row, added) in self.unit_scatter(fit, member.effect) {
+            // In units of the variance with the scatter: what is left without it, the noise's own at least.
+            let trust = &mut bare.trust[row - first];
+            let left = (1.0 - member.values[0].powi(2) * added).max(*trust);
+            bare.residuals[row] /= left.sqrt();
+            *trust /= left;
         }
-        let gain = |gain: f64| {
-            self.scatter_gain(
-                &bare,
-                &Member {
-                    effect: member.effect,
-                    values: vec![gain],
-                },
-            )
-        };
+        let unit = self.unit_scatter(&bare, member.effect);
+        let gain = |size: f64| self.scatter_gain(&bare, &unit, size);
         let Role::Curved { from, to, .. } = member.effect.parameters[0].role else {
             return member.values[0];
         };

@@ -32,9 +32,9 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Acquisition,
         says: "a sine at a multiple of the logger's rate stands still in its samples",
         parameters: &[logarithmic("gain", 1e-7, 1e-2, 48)],
-        action: Action::Scatters(|p, run, s| {
+        action: Action::Scatters(|run, s| {
             let [low, high] = run.band_hz.map(|f_hz| f_hz / s.logger_rate_hz);
-            let power_g2 = (p[0] * run.direction[0] * run.level_g).powi(2);
+            let power_g2 = (run.direction[0] * run.level_g).powi(2);
             match run.kind {
                 VibrationKind::Sine if (low - low.round()).abs() > 1e-6 => 0.0,
                 VibrationKind::Sine => 0.5 * power_g2,
