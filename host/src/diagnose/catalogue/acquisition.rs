@@ -26,24 +26,18 @@ pub(super) const EFFECTS: &[Effect] = &[
         })),
     },
     // At a multiple of the logger's rate every sample falls on the same phase: a constant gain w sin(phase), its
-    // phase anew in every run. Of noise of density S each multiple within the band leaves S/T in a mean over T.
+    // phase anew in every run. What noise leaves is far less, and a scatter of all random runs would stand in for anything.
     Effect {
         id: "aliasing",
         stage: Stage::Acquisition,
         says: "a sine at a multiple of the logger's rate stands still in its samples",
         parameters: &[logarithmic("gain", 1e-7, 1e-2, 48)],
         action: Action::Scatters(|run, s| {
-            let [low, high] = run.band_hz.map(|f_hz| f_hz / s.logger_rate_hz);
-            let power_g2 = (run.direction[0] * run.level_g).powi(2);
-            match run.kind {
-                VibrationKind::Sine if (low - low.round()).abs() > 1e-6 => 0.0,
-                VibrationKind::Sine => 0.5 * power_g2,
-                VibrationKind::Random => {
-                    let multiples = high.floor() - low.ceil().max(1.0) + 1.0;
-                    let band_hz = run.band_hz[1] - run.band_hz[0];
-                    power_g2 * multiples.max(0.0) / (band_hz * run.duration_s)
-                }
+            let cycle = run.band_hz[0] / s.logger_rate_hz;
+            if run.kind == VibrationKind::Random || (cycle - cycle.round()).abs() > 1e-6 {
+                return 0.0;
             }
+            0.5 * (run.direction[0] * run.level_g).powi(2)
         }),
         report: None,
     },
