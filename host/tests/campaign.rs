@@ -374,6 +374,12 @@ fn a_file_without_content_is_named() {
     }
     let folder = edited("static.csv", |table| table.lines().next().unwrap().into());
     assert_eq!(complaint(folder.path()), "static.csv: has no rows");
+    // A shaker test that was not made.
+    let folder = edited("vibration.csv", |table| {
+        table.lines().next().unwrap().into()
+    });
+    assert!(Campaign::read(folder.path()).unwrap().runs.is_empty());
+    let folder = edited("static.csv", |table| table.lines().next().unwrap().into());
     fs::remove_file(folder.path().join("static.csv")).unwrap();
     assert!(complaint(folder.path()).starts_with("static.csv: cannot be read: No such file"));
 }

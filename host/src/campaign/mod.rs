@@ -54,10 +54,14 @@ impl Campaign {
         let config = CampaignConfig::read(&folder.join("campaign.toml"))?;
         let readings = static_table::read(&folder.join("static.csv"), &config)?;
         let vibration = folder.join("vibration.csv");
-        let runs = if vibration.exists() {
-            read_runs(&vibration, &config)?
-        } else {
-            Vec::new()
+        let runs = match vibration.exists().then(|| read_runs(&vibration, &config)) {
+            // A header without rows is a shaker test that was not made.
+            None
+            | Some(Err(Error::Input {
+                problem: Problem::NoRows,
+                ..
+            })) => Vec::new(),
+            Some(runs) => runs?,
         };
         Ok(Self {
             config,

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::{Command, Console};
+use crate::diagnose::published::{TableDiagnosis, diagnose_published};
 use crate::error::Error;
 use crate::paper::{Comparison, TABLES, Weights, compare, weights};
 
@@ -18,12 +19,18 @@ struct Tables {
     format: &'static str,
     weights: Weights,
     instruments: Vec<Comparison>,
+    diagnoses: Vec<TableDiagnosis>,
 }
 
 impl Command for Paper {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let result =
-            Tables { format: "vre-paper/1", weights: weights(), instruments: compare() };
+        let diagnoses = TABLES.iter().map(diagnose_published).collect::<Result<_, _>>()?;
+        let result = Tables {
+            format: "vre-paper/1",
+            weights: weights(),
+            instruments: compare(),
+            diagnoses,
+        };
         console.print(text(&result))?;
         console.json(&result)
     }
@@ -112,5 +119,53 @@ fn text(result: &Tables) -> String {
         "\n  The last column moves along the direction that the paper's plan cannot see: readings on its 24 positions \
          are\n  the same for the published coefficients and for these, so Table 1 cannot be told from it by that test."
     );
+    text + &diagnosed(&result.diagnoses)
+}
+
+/// What the tables can and cannot say.
+fn diagnosed(diagnoses: &[TableDiagnosis]) -> String {
+    let mut text = String::from(
+        "\nDiagnosed: Table 1 as the 24 readings behind it (head +-10 arcsec), Table 2 as one run; neither uncertainty, band nor\n\
+         length of the noise is printed\n",
+    );
+    for found in diagnoses {
+        let verdict = serde_json::to_string(&found.verdict).unwrap_or_default();
+        let _ = writeln!(
+            text,
+            "  {:<8}{}: (9) misses by {:+.2}e-4 g, and a step along {} direction that the readings leave free makes that up; \
+             measured numbers left to test any effect: {}",
+            found.instrument,
+            verdict.trim_matches('"'),
+            found.gap_g * 1e4,
+            if found.blind_directions == 1 { "the one" } else { "a" },
+            found.spare_numbers
+        );
+        let named = found.would_do.iter().map(|effect| match effect.parameter {
+            Some((name, value)) => format!("{} ({name} {value:.2e})", effect.effect),
+            None => effect.effect.into(),
+        });
+        let _ = writeln!(
+            text,
+            "          each alone would make up the difference as well: {}",
+            named.collect::<Vec<_>>().join(", ")
+        );
+        if !found.excluded.is_empty() {
+            let _ = writeln!(
+                text,
+                "          at no size would: {}",
+                found.excluded.join(", ")
+            );
+        }
+    }
+    if let Some(found) = diagnoses.first() {
+        let _ = writeln!(
+            text,
+            "  One run cannot show at all: {}.\n  They can say: (9) and Table 1 do not give Table 2; a direction that the plan \
+             cannot see is enough to explain it.\n  They cannot say: whether any effect acts, or which; how well anything is known; \
+             nor, as k3 and k4 are printed alike,\n  whether Table 1 is what was identified. More runs at other levels and \
+             attitudes, and a plan of full rank, would.",
+            found.silent.join(", ")
+        );
+    }
     text
 }

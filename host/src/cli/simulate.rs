@@ -10,6 +10,7 @@ use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
 use crate::campaign::write_runs;
+use crate::diagnose::visibility::strength_for;
 use crate::error::Error;
 use crate::seal;
 
@@ -21,7 +22,8 @@ const SEALED: &str = "sealed";
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     vre simulate --out campaigns/V00007 --seed 7\n  \
-    vre simulate --out campaigns/shaky --effect fixture-resonance --strength 3")]
+    vre simulate --out campaigns/shaky --effect fixture-resonance --strength 3\n  \
+    vre simulate --out campaigns/faint --effect sextic --visibility 30")]
 pub struct Simulate {
     /// Folder for campaign.toml, static.csv, vibration.csv, holdout.csv and truth.json
     #[arg(long, value_name = "DIR")]
@@ -43,6 +45,10 @@ pub struct Simulate {
     /// Size of the effects in terms of a typical one [default: 1; a sealed effect's is drawn]
     #[arg(long, value_parser = positive)]
     strength: Option<f64>,
+    /// Size of the effects by how well each alone can be seen in this campaign: the length of the difference that it makes,
+    /// in units of everything else that is uncertain (below 3 nobody can see it)
+    #[arg(long, value_name = "V", value_parser = positive, conflicts_with = "strength")]
+    visibility: Option<f64>,
 }
 
 impl Command for Simulate {
@@ -58,15 +64,32 @@ impl Command for Simulate {
             sealed_draw()?
         } else {
             let ids = self.effect.iter().map(String::as_str).filter(|id| *id != NONE);
-            (Seed(self.seed.unwrap_or(1)), ids.collect(), self.strength.unwrap_or(1.0))
+            (Seed(self.seed.unwrap_or(1)), ids.collect::<Vec<_>>(), self.strength.unwrap_or(1.0))
         };
-        let draw = |(index, id): (usize, &&str)| {
+        if self.visibility.is_some() && ids.is_empty() && !sealed {
+            return Err(Error::Usage("--visibility needs an --effect other than none".into()));
+        }
+        let specification = Specification::with_dial_sigma(self.dial_sigma);
+        let draw = |index: usize, id: &str, strength: f64| {
             let mut stream = seed.stream("effect", index as u64);
             effects::find(id).map(|entry| (entry.draw)(strength, &mut stream))
         };
-        let drawn = ids.iter().enumerate().filter_map(draw).collect();
-        let specification = Specification::with_dial_sigma(self.dial_sigma);
-        let simulation = VirtualBench::new(seed, self.plan, specification, drawn).simulate();
+        let simulate = |drawn| VirtualBench::new(seed, self.plan, specification, drawn).simulate();
+        let mut drawn = Vec::new();
+        for (index, id) in ids.iter().enumerate() {
+            let strength = match self.visibility {
+                None => strength,
+                Some(wanted) => {
+                    let with = |strength| simulate(Vec::from_iter(draw(index, id, strength))).campaign;
+                    strength_for(wanted, &simulate(Vec::new()).campaign, with).ok_or_else(|| {
+                        let id = if sealed { "the sealed effect" } else { id };
+                        Error::Usage(format!("no strength of {id} has visibility {wanted} in this campaign"))
+                    })?
+                }
+            };
+            drawn.extend(draw(index, id, strength));
+        }
+        let simulation = simulate(drawn);
         let stale = self.out.join(TRUTH);
         if stale.exists() {
             std::fs::remove_file(&stale).map_err(Error::write(&stale))?;

@@ -3,7 +3,7 @@
 
 use shared::model::NOMINAL;
 
-use super::dense::Cholesky;
+use super::dense::{Cholesky, inner_product};
 use super::fit::Fit;
 use super::problem::{Block, Change, Column, Problem};
 use crate::campaign::{Series, VibrationKind};
@@ -54,11 +54,11 @@ impl Problem<'_> {
                 tests += 1.0;
             }
         }
-        let residual = self.column(fit.residuals.clone());
+        let remainder = self.remainder(fit);
         let mut all: Vec<&Column> = Vec::new();
         for family in families {
             let columns: Vec<&Column> = family.iter().collect();
-            let (gain, count) = self.gain(fit, &columns, &residual, 1e6);
+            let (gain, count) = remainder.gain(&columns, 1e6);
             if count > 0.0 {
                 least = least.min(chi2_tail(gain, count));
                 excess = excess.max(gain - count);
@@ -70,7 +70,7 @@ impl Problem<'_> {
             observables,
             p_value: (least * f64::max(tests, 1.0)).min(1.0),
             excess,
-            log_something_else: self.something_else(fit, &all, &residual),
+            log_something_else: remainder.something_else(&all),
         }
     }
 
@@ -107,104 +107,22 @@ impl Problem<'_> {
         leverage
     }
 
-    /// Normal matrix and right-hand side of further columns, with all unknowns of the fit eliminated.
-    pub(super) fn reduced(
-        &self,
-        fit: &Fit,
-        columns: &[&Column],
-        residual: &Column,
-    ) -> (Vec<f64>, Vec<f64>) {
-        let (n, k) = (fit.columns.len(), columns.len());
-        let root: Vec<f64> = fit.trust.iter().map(|t| t.sqrt()).collect();
-        let mut matrix = vec![0.0; k * k];
-        let mut across = vec![0.0; n * k];
-        let mut right: Vec<f64> = columns
-            .iter()
-            .map(|c| self.dot(c, residual, &root))
-            .collect();
-        // A fit that ended at the edge of a range leaves a slope; the columns must not be credited with it.
-        let slope: Vec<f64> = fit
-            .columns
-            .iter()
-            .map(|c| self.dot(c, residual, &root))
-            .collect();
-        for j in 0..k {
-            for i in 0..n {
-                across[j * n + i] = self.dot(&fit.columns[i], columns[j], &fit.trust);
-            }
-            let b = &across[j * n..(j + 1) * n];
-            let solved: Vec<f64> = (0..n)
-                .map(|i| {
-                    fit.covariance[i * n..(i + 1) * n]
-                        .iter()
-                        .zip(b)
-                        .map(|(c, b)| c * b)
-                        .sum()
-                })
-                .collect();
-            right[j] -= solved.iter().zip(&slope).map(|(s, g)| s * g).sum::<f64>();
-            for i in 0..=j {
-                let taken: f64 = across[i * n..(i + 1) * n]
-                    .iter()
-                    .zip(&solved)
-                    .map(|(b, s)| b * s)
-                    .sum();
-                let whole = self.dot(columns[i], columns[j], &fit.trust);
-                let mut value = whole - taken;
-                // What the fit's unknowns imitate but for rounding is nothing.
-                if i == j && value < 1e-7 * whole {
-                    value = 0.0;
-                }
-                matrix[i * k + j] = value;
-                matrix[j * k + i] = value;
-            }
+    /// What a fit leaves to further columns.
+    pub(super) fn remainder<'p>(&'p self, fit: &'p Fit) -> Remainder<'p> {
+        let mut residual = self.column(fit.residuals.clone());
+        for (value, trust) in residual.values[self.range(Block::During)]
+            .iter_mut()
+            .zip(&fit.trust)
+        {
+            *value *= trust.sqrt();
         }
-        (matrix, right)
-    }
-
-    /// By how much further columns would lower chi-square, and how many of them count; the prior variance of each
-    /// is `size` in units of its own information.
-    pub fn gain(&self, fit: &Fit, columns: &[&Column], residual: &Column, size: f64) -> (f64, f64) {
-        let k = columns.len();
-        let (mut matrix, mut right) = self.reduced(fit, columns, residual);
-        scale(&mut matrix, &mut right, k);
-        let before = matrix.clone();
-        for i in 0..k {
-            matrix[i * k + i] += 1.0 / size;
+        Remainder {
+            weighted: self.weighted(&fit.columns, &fit.trust),
+            slope: fit.columns.iter().map(|c| c.dot(&residual)).collect(),
+            residual,
+            problem: self,
+            fit,
         }
-        let Some(factor) = Cholesky::new(matrix, k) else {
-            return (0.0, 0.0);
-        };
-        let mut x = right.clone();
-        factor.solve(&mut x);
-        let gain = x.iter().zip(&right).map(|(x, r)| x * r).sum();
-        let inverse = factor.inverse();
-        let count = inverse.iter().zip(&before).map(|(a, b)| a * b).sum();
-        (gain, count)
-    }
-
-    /// Log evidence of the columns as random effects of a common, unknown size.
-    fn something_else(&self, fit: &Fit, columns: &[&Column], residual: &Column) -> f64 {
-        let k = columns.len();
-        if k == 0 {
-            return f64::NEG_INFINITY;
-        }
-        let (mut matrix, mut right) = self.reduced(fit, columns, residual);
-        scale(&mut matrix, &mut right, k);
-        let sizes = (0..12).map(|step| 10f64.powf(0.5 * f64::from(step)));
-        let of_size = |size: f64| {
-            // Evidence of x ~ N(0, size): exp(r' (M + 1/size)^-1 r / 2) / sqrt det(1 + size M).
-            let mut inner = matrix.clone();
-            for i in 0..k {
-                inner[i * k + i] += 1.0 / size;
-            }
-            let factor = Cholesky::new(inner, k)?;
-            let mut x = right.clone();
-            factor.solve(&mut x);
-            let gain: f64 = x.iter().zip(&right).map(|(x, r)| x * r).sum();
-            Some(0.5 * (gain - factor.log_determinant() - k as f64 * size.ln()))
-        };
-        sizes.filter_map(of_size).fold(f64::NEG_INFINITY, f64::max) - 12f64.ln()
     }
 
     /// Smooth functions of the conditions, whitened: frequency by direction, level by attitude, time, temperature,
@@ -363,29 +281,6 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Correlation of what two fits add to the observations, as far as the nominal model cannot imitate it.
-    pub fn similarity(&self, null: &Fit, signatures: &[&Column]) -> Vec<Vec<f64>> {
-        let nothing = self.column(vec![0.0; self.weights.len()]);
-        let k = signatures.len();
-        let (matrix, _) = self.reduced(null, signatures, &nothing);
-        let size = |i: usize| matrix[i * k + i].max(f64::MIN_POSITIVE).sqrt();
-        (0..k)
-            .map(|i| {
-                (0..k)
-                    .map(|j| matrix[i * k + j] / (size(i) * size(j)))
-                    .collect()
-            })
-            .collect()
-    }
-
-    /// Length of a difference beyond what the nominal model can imitate.
-    pub fn length(&self, null: &Fit, difference: &Column) -> f64 {
-        let nothing = self.column(vec![0.0; self.weights.len()]);
-        self.reduced(null, &[difference], &nothing).0[0]
-            .max(0.0)
-            .sqrt()
-    }
-
     /// What the effects of a fit add to the observations, whitened.
     pub fn signature(&self, fit: &Fit) -> Column {
         let mut sum: Vec<f64> = self.observed.values.clone();
@@ -403,6 +298,106 @@ impl Problem<'_> {
         }
         debug_assert!(fit.columns.len() >= NOMINAL);
         self.column(sum)
+    }
+}
+
+/// What a fit leaves to further columns, once all its unknowns are eliminated from them.
+pub(super) struct Remainder<'p> {
+    problem: &'p Problem<'p>,
+    fit: &'p Fit,
+    /// The fit's columns and residuals, `during` weighted by its trust.
+    weighted: Vec<Column>,
+    residual: Column,
+    /// A fit that ended at the edge of a range leaves a slope; further columns must not be credited with it.
+    slope: Vec<f64>,
+}
+
+impl Remainder<'_> {
+    /// Normal matrix, row by row, and right-hand side of further columns.
+    pub(super) fn normal(&self, columns: &[&Column]) -> (Vec<f64>, Vec<f64>) {
+        let (n, k) = (self.weighted.len(), columns.len());
+        let mut matrix = vec![0.0; k * k];
+        let mut across = Vec::with_capacity(n * k);
+        let mut right = Vec::with_capacity(k);
+        for (j, column) in columns.iter().enumerate() {
+            across.extend(self.weighted.iter().map(|c| c.dot(column)));
+            let rows = self.fit.covariance.chunks_exact(n);
+            let solved: Vec<f64> = rows
+                .map(|row| inner_product(row, &across[j * n..]))
+                .collect();
+            right.push(column.dot(&self.residual) - inner_product(&solved, &self.slope));
+            for i in 0..=j {
+                let taken = inner_product(&across[i * n..(i + 1) * n], &solved);
+                let whole = self.problem.dot(columns[i], column, &self.fit.trust);
+                let mut value = whole - taken;
+                // What the fit's unknowns imitate but for rounding is nothing.
+                if i == j && value < 1e-7 * whole {
+                    value = 0.0;
+                }
+                matrix[i * k + j] = value;
+                matrix[j * k + i] = value;
+            }
+        }
+        (matrix, right)
+    }
+
+    /// By how much further columns would lower chi-square, and how many of them count; the prior variance of each
+    /// is `size` in units of its own information.
+    pub(super) fn gain(&self, columns: &[&Column], size: f64) -> (f64, f64) {
+        let k = columns.len();
+        let (mut matrix, mut right) = self.normal(columns);
+        scale(&mut matrix, &mut right, k);
+        let before = matrix.clone();
+        for i in 0..k {
+            matrix[i * k + i] += 1.0 / size;
+        }
+        let Some(factor) = Cholesky::new(matrix, k) else {
+            return (0.0, 0.0);
+        };
+        let mut x = right.clone();
+        factor.solve(&mut x);
+        let inverse = factor.inverse();
+        (inner_product(&x, &right), inner_product(&inverse, &before))
+    }
+
+    /// Log evidence of the columns as random effects of a common, unknown size.
+    fn something_else(&self, columns: &[&Column]) -> f64 {
+        let k = columns.len();
+        if k == 0 {
+            return f64::NEG_INFINITY;
+        }
+        let (mut matrix, mut right) = self.normal(columns);
+        scale(&mut matrix, &mut right, k);
+        let sizes = (0..12).map(|step| 10f64.powf(0.5 * f64::from(step)));
+        let of_size = |size: f64| {
+            // Evidence of x ~ N(0, size): exp(r' (M + 1/size)^-1 r / 2) / sqrt det(1 + size M).
+            let mut inner = matrix.clone();
+            for i in 0..k {
+                inner[i * k + i] += 1.0 / size;
+            }
+            let factor = Cholesky::new(inner, k)?;
+            let mut x = right.clone();
+            factor.forward(&mut x);
+            let gain = inner_product(&x, &x);
+            Some(0.5 * (gain - factor.log_determinant() - k as f64 * size.ln()))
+        };
+        sizes.filter_map(of_size).fold(f64::NEG_INFINITY, f64::max) - 12f64.ln()
+    }
+
+    /// Correlation of what hypotheses add to the observations, as far as the fit cannot imitate it.
+    pub(super) fn similarity(&self, signatures: &[&Column]) -> Vec<Vec<f64>> {
+        let k = signatures.len();
+        let (matrix, _) = self.normal(signatures);
+        let size = |i: usize| matrix[i * k + i].max(f64::MIN_POSITIVE).sqrt();
+        let like = |i: usize, j: usize| matrix[i * k + j] / (size(i) * size(j));
+        (0..k)
+            .map(|i| (0..k).map(|j| like(i, j)).collect())
+            .collect()
+    }
+
+    /// Length of a difference beyond what the fit can imitate.
+    pub(super) fn length(&self, difference: &Column) -> f64 {
+        self.normal(&[difference]).0[0].max(0.0).sqrt()
     }
 }
 

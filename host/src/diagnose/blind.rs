@@ -1,24 +1,18 @@
 //! The whole study: campaigns whose effect the diagnosis does not know, and how often it finds it.
-//!
-//! The strength of an effect is stated as its *visibility*: the length, in units of uncertainty, of the difference that
-//! it makes to the five observables beyond everything that the nominal model, its priors, the dial's and the level's
-//! errors can imitate. Below 3 nobody can see it.
 
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::adequacy::OBSERVABLES;
 use super::catalogue;
 use super::diagnosis::{Diagnosis, Verdict, diagnose};
 use super::forecast::predict_with_effects;
-use super::problem::Problem;
+use super::visibility::strength_for;
 use crate::bench::effects;
 use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Simulation, Specification, VirtualBench};
-use crate::campaign::Campaign;
 use crate::error::Error;
 
 /// Visibilities at which single effects are tried.
@@ -26,8 +20,6 @@ const VISIBILITIES: [f64; 2] = [300.0, 30.0];
 /// Visibility of each of two effects at once, and of effects that the catalogue lacks.
 const PAIR_VISIBILITY: f64 = 150.0;
 const STRANGE_VISIBILITY: f64 = 150.0;
-/// Steps towards the asked visibility.
-const STEPS: usize = 12;
 
 /// What a campaign of the study is about.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -211,64 +203,18 @@ fn simulate(case: &Case, seed: Seed, strengths: &[f64]) -> Simulation {
     VirtualBench::new(seed, plan, specification, drawn.collect()).simulate()
 }
 
-/// Strengths that give each effect alone the visibility asked for; `None` if an effect cannot be seen at all.
+/// Strengths that give each effect alone the visibility asked for; `None` if an effect cannot be seen so well.
 fn strengths(case: &Case, seed: Seed) -> Option<Vec<f64>> {
-    let bare = simulate(case, seed, &vec![0.0; case.effects.len()]).campaign;
-    (0..case.effects.len())
-        .map(|k| {
-            let at = |strength: f64| {
-                let mut strengths = vec![0.0; case.effects.len()];
-                strengths[k] = strength;
-                visibility(&simulate(case, seed, &strengths).campaign, &bare)
-            };
-            // A bracket first, then bisection in the logarithm, guided by proportion.
-            let mut low: Option<(f64, f64)> = None;
-            let mut high: Option<(f64, f64)> = None;
-            let mut strength = 1.0_f64;
-            for _ in 0..STEPS {
-                let seen = at(strength)?;
-                if (seen / case.visibility).ln().abs() < 0.05 {
-                    return Some(strength);
-                }
-                if seen < case.visibility {
-                    low = Some((strength, seen));
-                } else {
-                    high = Some((strength, seen));
-                }
-                strength = match (low, high) {
-                    (Some((s, v)), None) => s * (case.visibility / v.max(1e-3)).clamp(1.2, 1e4),
-                    (None, Some((s, v))) => s * (case.visibility / v).clamp(1e-4, 0.8),
-                    (Some((a, va)), Some((b, vb))) => {
-                        let slope = (vb / va.max(1e-3)).ln().max(1e-9);
-                        let fraction =
-                            ((case.visibility / va.max(1e-3)).ln() / slope).clamp(0.1, 0.9);
-                        (a.ln() + fraction * (b / a).ln()).exp()
-                    }
-                    (None, None) => return None,
-                };
-                if !(1e-9..1e6).contains(&strength) {
-                    return None;
-                }
-            }
-            // Near enough by the last step, or a jump that no strength fills.
-            let seen = at(strength)?;
-            ((seen / case.visibility).ln().abs() < 0.4).then_some(strength)
+    let none = vec![0.0; case.effects.len()];
+    let bare = simulate(case, seed, &none).campaign;
+    let of = |k: usize| {
+        strength_for(case.visibility, &bare, |strength| {
+            let mut strengths = none.clone();
+            strengths[k] = strength;
+            simulate(case, seed, &strengths).campaign
         })
-        .collect()
-}
-
-/// Mahalanobis length of the difference between two campaigns that differ by an effect alone.
-pub fn visibility(with: &Campaign, bare: &Campaign) -> Option<f64> {
-    let problem = Problem::new(bare, &[]);
-    let changed = Problem::with_scale(with, &[], problem.scale_v_per_g);
-    let null = problem.fit_nominal()?;
-    let mut difference = vec![0.0; problem.weights.len()];
-    for (block, _) in OBSERVABLES {
-        for row in problem.range(block) {
-            difference[row] = changed.observed.values[row] - problem.observed.values[row];
-        }
-    }
-    Some(problem.length(&null, &problem.column(difference)))
+    };
+    (0..case.effects.len()).map(of).collect()
 }
 
 fn try_case(

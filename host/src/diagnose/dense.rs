@@ -10,21 +10,17 @@ pub struct Cholesky {
 impl Cholesky {
     /// Factors `matrix` (row by row, `order` squared numbers); `None` if it is not positive definite.
     pub fn new(mut matrix: Vec<f64>, order: usize) -> Option<Self> {
-        for j in 0..order {
-            for i in j..order {
-                let mut sum = matrix[i * order + j];
-                for k in 0..j {
-                    sum -= matrix[i * order + k] * matrix[j * order + k];
-                }
-                if i == j {
-                    if sum.is_nan() || sum <= 0.0 {
-                        return None;
-                    }
-                    matrix[i * order + i] = sum.sqrt();
-                } else {
-                    matrix[i * order + j] = sum / matrix[j * order + j];
-                }
+        for i in 0..order {
+            let (above, row) = matrix.split_at_mut(i * order);
+            for j in 0..i {
+                let other = &above[j * order..=j * order + j];
+                row[j] = (row[j] - inner_product(&row[..j], &other[..j])) / other[j];
             }
+            let left = row[i] - inner_product(&row[..i], &row[..i]);
+            if left.is_nan() || left <= 0.0 {
+                return None;
+            }
+            row[i] = left.sqrt();
         }
         Some(Self {
             order,
@@ -37,23 +33,19 @@ impl Cholesky {
         self.forward(x);
         let n = self.order;
         for i in (0..n).rev() {
-            let mut sum = x[i];
-            for k in i + 1..n {
-                sum -= self.lower[k * n + i] * x[k];
+            let row = &self.lower[i * n..=i * n + i];
+            x[i] /= row[i];
+            let known = x[i];
+            for (x, l) in x[..i].iter_mut().zip(row) {
+                *x -= l * known;
             }
-            x[i] = sum / self.lower[i * n + i];
         }
     }
 
     /// L^-1 x, in place.
     pub fn forward(&self, x: &mut [f64]) {
-        let n = self.order;
-        for i in 0..n {
-            let mut sum = x[i];
-            for k in 0..i {
-                sum -= self.lower[i * n + k] * x[k];
-            }
-            x[i] = sum / self.lower[i * n + i];
+        for (i, row) in self.lower.chunks_exact(self.order.max(1)).enumerate() {
+            x[i] = (x[i] - inner_product(&row[..i], &x[..i])) / row[i];
         }
     }
 
@@ -75,6 +67,21 @@ impl Cholesky {
         }
         inverse
     }
+}
+
+/// Sum of products, in sums that do not wait for each other.
+pub(super) fn inner_product(x: &[f64], y: &[f64]) -> f64 {
+    const LANES: usize = 8;
+    let (x_lanes, x_rest) = x.as_chunks::<LANES>();
+    let (y_lanes, y_rest) = y.as_chunks::<LANES>();
+    let mut sums = [0.0; LANES];
+    for (x, y) in x_lanes.iter().zip(y_lanes) {
+        for k in 0..LANES {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    let rest: f64 = x_rest.iter().zip(y_rest).map(|(x, y)| x * y).sum();
+    sums.iter().sum::<f64>() + rest
 }
 
 #[cfg(test)]

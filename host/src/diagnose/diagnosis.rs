@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use shared::model::NOMINAL;
 
 use super::catalogue::{self, Effect, Role, Stage};
-use super::fit::{Fit, Member};
+use super::compensation::Compensation;
+use super::fit::{Fit, Member, outer, range};
 use super::locate::{Condition, ObservableShare};
 use super::next_test::NextTest;
 use super::problem::{Block, Problem};
@@ -25,6 +26,8 @@ const LISTED: f64 = 1e-3;
 /// What an unexplained gap leaves of the probability of hypotheses that do not explain it.
 const UNEXPLAINED_REST: f64 = 0.1;
 
+/// Standard deviation, as a part of its range, from which on a parameter is followed over all of that.
+const WIDE: f64 = 0.1;
 /// Closed fraction above which the best hypothesis serves predictions though it does not explain everything.
 const TRUSTED_IF_UNEXPLAINED: f64 = 0.9;
 
@@ -146,6 +149,9 @@ pub struct Diagnosis {
     /// Which hypotheses look alike.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub similarity: Option<Similarity>,
+    /// What the instrument's own compensation can carry of it; absent where nothing explains the gap.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compensation: Option<Compensation>,
     /// What could not be looked at, and why.
     #[serde(default)]
     pub not_looked_at: Vec<String>,
@@ -318,7 +324,7 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
         .sum();
     let chi2: f64 = search.null_adequacy.observables.iter().map(|o| o.0).sum();
     let freedom: f64 = search.null_adequacy.observables.iter().map(|o| o.1).sum();
-    let shrink = problem.shrink(&search.null, &shown.fit);
+    let shrink = problem.shrink(campaign, search, &shown.fit);
     Diagnosis {
         format: FORMAT.into(),
         serial: campaign.config.instrument.serial.clone(),
@@ -345,6 +351,8 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
             None
         },
         similarity: similarity(problem, search),
+        compensation: (verdict != Verdict::Unexplained)
+            .then(|| Compensation::new(&shown.fit, problem.scale_v_per_g)),
         not_looked_at: not_looked_at(campaign),
     }
 }
@@ -424,19 +432,36 @@ fn parameters(problem: &Problem<'_>, fit: &Fit) -> Vec<ParameterEstimate> {
             .filter(|(_, p)| !p.name.starts_with('_'))
         {
             match parameter.role {
-                Role::Stepped { .. } => {
-                    let (value, sigma) = problem.stepped(fit, m, k);
-                    put(parameter.name, value, sigma);
-                }
-                _ if index(k).is_none() => {
+                Role::Curved { .. } if index(k).is_none() => {
                     let (value, sigma) = problem.scattered(fit, m);
                     put(parameter.name, value, sigma);
                 }
-                _ => put(parameter.name, values[k], covariance(k, k).max(0.0).sqrt()),
+                role => {
+                    let mut estimate = (values[k], covariance(k, k).max(0.0).sqrt());
+                    if wide(role, index(k).map(|i| fit.covariance[i * n + i])) {
+                        let over_its_range = problem.over_its_range(fit, m, k);
+                        if over_its_range.1 > estimate.1 {
+                            estimate = over_its_range;
+                        }
+                    }
+                    put(parameter.name, estimate.0, estimate.1);
+                }
             }
         }
     }
     estimates
+}
+
+/// Whether a parameter, of this variance on its internal scale, is known over a part of its range only roughly or by
+/// steps: the likelihood's curvature at the fit then says little.
+fn wide(role: Role, variance: Option<f64>) -> bool {
+    match (role, range(role), variance) {
+        (Role::Curved { .. }, Some((from, to)), Some(variance)) => {
+            variance.sqrt() > WIDE * (to - from)
+        }
+        (Role::Stepped { .. }, ..) => true,
+        _ => false,
+    }
 }
 
 fn similarity(problem: &Problem<'_>, search: &Search) -> Option<Similarity> {
@@ -453,7 +478,7 @@ fn similarity(problem: &Problem<'_>, search: &Search) -> Option<Similarity> {
     let references: Vec<_> = signatures.iter().collect();
     Some(Similarity {
         hypotheses: shown.iter().map(|h| name(&h.fit)).collect(),
-        correlation: problem.similarity(&search.null, &references),
+        correlation: problem.remainder(&search.null).similarity(&references),
     })
 }
 
@@ -468,7 +493,7 @@ fn identification(problem: &Problem<'_>, shrink: Shrink) -> Option<Identificatio
     if statics < 2.0 * refit.max(floor) {
         return None;
     }
-    let cause = if problem.static_plan_is_blind() {
+    let cause = if problem.blind_directions() > 0 {
         "plan-blindness"
     } else {
         "dial-noise"
@@ -508,8 +533,8 @@ fn not_looked_at(campaign: &Campaign) -> Vec<String> {
 }
 
 impl Problem<'_> {
-    /// Whether the static readings leave a direction of the coefficients to the prior.
-    fn static_plan_is_blind(&self) -> bool {
+    /// Directions of the even coefficients that the static readings leave undetermined.
+    pub(super) fn blind_directions(&self) -> usize {
         let design = self
             .situation
             .readings
@@ -521,42 +546,43 @@ impl Problem<'_> {
         distinct.sort_unstable();
         distinct.dedup();
         // Four even functions of a_I need four values of |a_I|.
-        distinct.len() < 4
+        4_usize.saturating_sub(distinct.len())
     }
 
-    /// Mean and standard deviation of a parameter that goes by steps; the effect's first curved parameter, which can
-    /// make up for it, takes its best value at each step.
-    fn stepped(&self, fit: &Fit, m: usize, k: usize) -> (f64, f64) {
+    /// Mean and standard deviation of a parameter over its range, by the likelihood at its steps. One that goes by steps
+    /// is made up for by the effect's first curved parameter, which takes its best value at each.
+    fn over_its_range(&self, fit: &Fit, m: usize, k: usize) -> (f64, f64) {
         let member = &fit.members[m];
-        let Role::Stepped { from, to, .. } = member.effect.parameters[k].role else {
+        let role = member.effect.parameters[k].role;
+        let Some((from, to)) = range(role) else {
             return (member.values[k], 0.0);
         };
-        const FINE: usize = 80;
-        let step = (to - from) / FINE as f64;
+        let stepped = matches!(role, Role::Stepped { .. });
+        let fine = if stepped { 80 } else { 24 };
+        let step = (to - from) / f64::from(fine);
         let other = member.effect.linear();
-        let others: Vec<f64> = match member.effect.parameters[other].role {
-            Role::Curved { .. } => {
-                let mut around = super::fit::starts(member.effect.parameters[other].role);
-                around.push(member.values[other]);
-                around
-            }
-            _ => vec![member.values[other]],
-        };
-        let scores: Vec<(f64, f64)> = (0..FINE)
+        let mut others = vec![member.values[other]];
+        if stepped && matches!(member.effect.parameters[other].role, Role::Curved { .. }) {
+            others.extend(super::fit::starts(member.effect.parameters[other].role));
+        }
+        let weighing = self.weighing(fit.trust.clone());
+        let scores: Vec<(f64, f64)> = (0..fine)
             .map(|n| {
-                let value = from + (n as f64 + 0.5) * step;
+                let value = outer(role, from + (f64::from(n) + 0.5) * step);
                 let mut members = fit.members.clone();
                 members[m].values[k] = value;
                 let objectives = others.iter().map(|&setting| {
                     if other != k {
                         members[m].values[other] = setting;
                     }
-                    self.profile(&members, &fit.trust)
+                    self.profile(&members, &weighing)
                 });
                 (value, objectives.fold(f64::INFINITY, f64::min))
             })
             .collect();
-        moments(&scores, step)
+        // Between two steps nothing is known.
+        let least = if stepped { step * step / 3.0 } else { 0.0 };
+        moments(&scores, least)
     }
 
     /// Size of a scatter with its uncertainty, from the runs' residuals.
@@ -570,7 +596,9 @@ impl Problem<'_> {
         let runs = self.situation.runs.iter().enumerate();
         let telling: f64 = runs
             .map(|(row, run)| {
-                let added = scatter(&fit.members[m].values, run, &self.situation)
+                let added = value
+                    * value
+                    * scatter(run, &self.situation)
                     * self.weights[start + row].powi(2);
                 (added / (1.0 + added)).powi(2)
             })
@@ -579,8 +607,8 @@ impl Problem<'_> {
     }
 }
 
-/// Mean and standard deviation under exp(-score/2), no smaller than a step's.
-fn moments(scores: &[(f64, f64)], step: f64) -> (f64, f64) {
+/// Mean and standard deviation under exp(-score/2), of at least a variance.
+fn moments(scores: &[(f64, f64)], least_variance: f64) -> (f64, f64) {
     let least = scores.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
     let (mut total, mut mean, mut square) = (0.0, 0.0, 0.0);
     for (value, score) in scores {
@@ -591,5 +619,5 @@ fn moments(scores: &[(f64, f64)], step: f64) -> (f64, f64) {
     }
     let mean = mean / total;
     let variance = square / total - mean * mean;
-    (mean, variance.max(step * step / 3.0).sqrt())
+    (mean, variance.max(least_variance).sqrt())
 }

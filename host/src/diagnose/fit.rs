@@ -9,7 +9,10 @@ use shared::model::{Coefficients, NOMINAL};
 use super::catalogue::{Action, Effect, Role, Seen};
 use super::dense::Cholesky;
 use super::motion::Motion;
-use super::problem::{BLOCKS, Block, Change, Column, Problem};
+use super::problem::{Block, Change, Column, Normal, Problem, Situation};
+
+/// Change of chi-square, and of the logarithm of a run's weight, at which a fit has settled.
+const SETTLED: f64 = 1e-2;
 
 /// An effect with values of its parameters.
 #[derive(Clone, Debug)]
@@ -69,7 +72,7 @@ fn inner(role: Role, value: f64) -> f64 {
     }
 }
 
-fn outer(role: Role, inner: f64) -> f64 {
+pub(super) fn outer(role: Role, inner: f64) -> f64 {
     match role {
         Role::Curved {
             logarithmic: true, ..
@@ -79,7 +82,7 @@ fn outer(role: Role, inner: f64) -> f64 {
 }
 
 /// Ends of a parameter's range on its internal scale.
-fn range(role: Role) -> Option<(f64, f64)> {
+pub(super) fn range(role: Role) -> Option<(f64, f64)> {
     match role {
         Role::Linear { .. } => None,
         Role::Curved { from, to, .. } => Some((inner(role, from), inner(role, to))),
@@ -122,6 +125,12 @@ pub fn grid(effect: &'static Effect) -> Vec<Member> {
         .collect()
 }
 
+/// How much each run's `during` counts, and the normal equations at the commanded motion under that.
+pub(super) struct Weighing {
+    trust: Vec<f64>,
+    commanded: Normal,
+}
+
 /// A solved linear problem.
 struct Solution {
     x: Vec<f64>,
@@ -139,28 +148,39 @@ impl Problem<'_> {
             offset: None,
             variance: vec![0.0; self.run_count()],
         };
+        for Member { effect, values } in members {
+            if let Action::Moves(move_, _) = effect.action {
+                move_(
+                    values,
+                    s,
+                    parts.motions.get_or_insert_with(|| s.motions.clone()),
+                );
+            }
+        }
+        // What adds to the output sees the motion as it is.
+        let moved = parts.motions.as_ref().map(|motions| Situation {
+            motions: motions.clone(),
+            ..s.clone()
+        });
+        let felt = moved.as_ref().unwrap_or(s);
         let mut offset = None;
         for Member { effect, values } in members {
             match effect.action {
                 Action::Adds(add) => {
                     for k in 0..effect.linear() {
                         let mut change = self.no_change();
-                        add(values, k, s, &mut change);
+                        add(values, k, felt, &mut change);
                         parts.linear.push(self.whiten(change));
                     }
                     if effect.linear() == 0 {
-                        add(values, 0, s, offset.get_or_insert_with(|| self.no_change()));
+                        let change = offset.get_or_insert_with(|| self.no_change());
+                        add(values, 0, felt, change);
                     }
                 }
-                Action::Moves(move_, _) => {
-                    let motions = parts.motions.get_or_insert_with(|| s.motions.clone());
-                    for (run, motion) in s.runs.iter().zip(motions) {
-                        move_(values, run, s, motion);
-                    }
-                }
+                Action::Moves(..) => {}
                 Action::Scatters(scatter) => {
                     for (run, variance) in s.runs.iter().zip(&mut parts.variance) {
-                        *variance += scatter(values, run, s);
+                        *variance += values[0] * values[0] * scatter(run, s);
                     }
                 }
             }
@@ -182,21 +202,25 @@ impl Problem<'_> {
     /// Adds what the reference sees of a changed motion.
     fn add_seen(&self, members: &[Member], offset: &mut Option<Change>) {
         let s = &self.situation;
-        if !members
+        let swapped = self.seen_beside_instrument.min(s.runs.len());
+        let by_reference = members
             .iter()
-            .any(|m| matches!(m.effect.action, Action::Moves(_, Seen::ByReference)))
-        {
+            .any(|m| matches!(m.effect.action, Action::Moves(_, Seen::ByReference)));
+        if !by_reference && swapped == s.runs.len() {
             return;
         }
         let change = offset.get_or_insert_with(|| self.no_change());
         let mut seen = s.motions.clone();
-        for Member { effect, values } in members {
-            if let Action::Moves(move_, Seen::ByReference) = effect.action {
-                for (run, motion) in s.runs.iter().zip(&mut seen) {
-                    move_(values, run, s, motion);
+        let mut felt = s.motions.clone();
+        for member in members {
+            if let Action::Moves(move_, by) = member.effect.action {
+                move_(&member.values, s, &mut felt);
+                if by == Seen::ByReference {
+                    move_(&member.values, s, &mut seen);
                 }
             }
         }
+        seen[swapped..].copy_from_slice(&felt[swapped..]);
         for (row, (run, motion)) in s.runs.iter().zip(&seen).enumerate() {
             let h = motion.second_harmonic;
             // The harmonic adds its own power, h^2.
@@ -226,9 +250,7 @@ impl Problem<'_> {
         let mut motions = s.motions.clone();
         for Member { effect, values } in members {
             if let Action::Moves(move_, _) = effect.action {
-                for (run, motion) in s.runs.iter().zip(&mut motions) {
-                    move_(values, run, s, motion);
-                }
+                move_(values, s, &mut motions);
             }
         }
         let mut seen = None;
@@ -236,95 +258,97 @@ impl Problem<'_> {
         (motions, seen.map(|change| self.whiten(change).0))
     }
 
-    /// Weighted inner product over the blocks that both columns touch.
-    pub(super) fn dot(&self, a: &Column, b: &Column, trust: &[f64]) -> f64 {
-        let mut sum = 0.0;
-        for block in BLOCKS {
-            if !(a.touches(block) && b.touches(block)) {
-                continue;
-            }
-            let rows = self.range(block);
-            let (x, y) = (&a.values[rows.clone()], &b.values[rows]);
-            sum += match block {
-                Block::During => x
-                    .iter()
-                    .zip(y)
-                    .zip(trust)
-                    .map(|((x, y), t)| x * y * t)
-                    .sum::<f64>(),
-                _ => inner_product(x, y),
-            };
-        }
-        sum
-    }
-
-    /// Least squares over columns with the coefficients' prior on the first ones and `precision` on the others.
+    /// Least squares over the coefficients, whose normal equations are given, and further columns with `precision` on
+    /// them; `offset` is taken off the observations.
     fn solve(
         &self,
-        columns: &[&Column],
+        normal: &Normal,
+        nominal: &[Column],
+        further: &[&Column],
         precision: &[f64],
-        observed: &Column,
+        offset: Option<&Column>,
         trust: &[f64],
     ) -> Option<Solution> {
-        let n = columns.len();
+        let n = NOMINAL + further.len();
+        let columns = || nominal.iter().chain(further.iter().copied());
         let mut matrix = vec![0.0; n * n];
-        let mut x = vec![0.0; n];
-        for i in 0..n {
-            for j in 0..=i {
-                let value = self.dot(columns[i], columns[j], trust);
-                matrix[i * n + j] = value;
-                matrix[j * n + i] = value;
-            }
-            x[i] = self.dot(columns[i], observed, trust);
-            matrix[i * n + i] += if i < NOMINAL {
-                self.prior_precision[i]
-            } else {
-                precision[i - NOMINAL]
-            };
+        for i in 0..NOMINAL {
+            let row = &normal.matrix[i * NOMINAL..=i * NOMINAL + i];
+            matrix[i * n..=i * n + i].copy_from_slice(row);
         }
-        // K1's prior is about 1, in units of the scale factor.
-        x[0] += self.prior_precision[0];
+        let mut x = normal.right.to_vec();
+        for (i, column) in further.iter().enumerate() {
+            let row = &mut matrix[(NOMINAL + i) * n..][..=NOMINAL + i];
+            for (value, other) in row.iter_mut().zip(columns()) {
+                *value = self.dot(column, other, trust);
+            }
+            row[NOMINAL + i] += precision[i];
+            x.push(self.dot(column, &self.observed, trust));
+        }
+        let mut square = normal.square;
+        if let Some(offset) = offset {
+            for (x, column) in x.iter_mut().zip(columns()) {
+                *x -= self.dot(offset, column, trust);
+            }
+            square += self.dot(offset, offset, trust);
+            square -= 2.0 * self.dot(offset, &self.observed, trust);
+        }
         let right = x.clone();
         let factor = Cholesky::new(matrix, n)?;
         factor.solve(&mut x);
         let explained: f64 = x.iter().zip(&right).map(|(x, r)| x * r).sum();
-        let objective = self.dot(observed, observed, trust) + self.prior_precision[0] - explained;
         Some(Solution {
             x,
-            objective,
+            objective: square - explained,
             factor,
         })
     }
 
+    /// How much each run's `during` counts.
+    pub(super) fn weighing(&self, trust: Vec<f64>) -> Weighing {
+        Weighing {
+            commanded: self.normal(&self.nominal, &trust),
+            trust,
+        }
+    }
+
     /// -2 log likelihood of members at their values, all in proportion solved for.
-    pub fn profile(&self, members: &[Member], trust: &[f64]) -> f64 {
+    pub(super) fn profile(&self, members: &[Member], weighing: &Weighing) -> f64 {
         let parts = self.parts(members);
-        self.solve_parts(members, &parts, trust)
+        self.solve_parts(members, &parts, weighing)
             .map_or(f64::INFINITY, |solution| solution.objective)
     }
 
-    fn solve_parts(&self, members: &[Member], parts: &Parts, trust: &[f64]) -> Option<Solution> {
-        let nominal = parts.nominal.as_deref().unwrap_or(&self.nominal);
-        let columns: Vec<&Column> = nominal
-            .iter()
-            .chain(parts.linear.iter().map(|(c, _)| c))
-            .collect();
-        self.solve(
-            &columns,
-            &linear_precision(members),
-            &self.less(parts.offset.as_ref()),
-            trust,
-        )
+    fn solve_parts(
+        &self,
+        members: &[Member],
+        parts: &Parts,
+        weighing: &Weighing,
+    ) -> Option<Solution> {
+        self.solve_near(members, parts, &[], &[], weighing)
     }
 
-    fn less(&self, offset: Option<&Column>) -> Column {
-        let mut observed = self.observed.clone();
-        if let Some(offset) = offset {
-            for (y, o) in observed.values.iter_mut().zip(&offset.values) {
-                *y -= o;
-            }
-        }
-        observed
+    /// Solves for all in proportion and, by their `derivatives`, for small changes of the curved parameters.
+    fn solve_near(
+        &self,
+        members: &[Member],
+        parts: &Parts,
+        derivatives: &[Column],
+        precision: &[f64],
+        weighing: &Weighing,
+    ) -> Option<Solution> {
+        let trust = &weighing.trust;
+        let moved = parts.nominal.as_deref();
+        let normal = moved.map(|nominal| self.normal(nominal, trust));
+        let linear = parts.linear.iter().map(|(column, _)| column);
+        self.solve(
+            normal.as_ref().unwrap_or(&weighing.commanded),
+            moved.unwrap_or(&self.nominal),
+            &linear.chain(derivatives).collect::<Vec<_>>(),
+            &[&linear_precision(members), precision].concat(),
+            parts.offset.as_ref(),
+            trust,
+        )
     }
 
     /// Prediction of the members' part (and of the nominal one, if motion is changed), whitened.
@@ -349,11 +373,11 @@ impl Problem<'_> {
 
     /// Fits members from their values; `trust` is a first guess of the trust in each run.
     pub fn fit(&self, mut members: Vec<Member>, trust: &[f64], rounds: usize) -> Option<Fit> {
-        let mut trust = trust.to_vec();
+        let mut weighing = self.weighing(trust.to_vec());
         let mut log_variance = 0.0;
         let curved = curved(&members);
         let mut parts = self.parts(&members);
-        let mut solution = self.solve_parts(&members, &parts, &trust)?;
+        let mut solution = self.solve_parts(&members, &parts, &weighing)?;
         let mut derivatives: Vec<Column> = Vec::new();
         for round in 0..rounds {
             let steps = if curved.is_empty() {
@@ -366,7 +390,7 @@ impl Problem<'_> {
             for _ in 0..steps {
                 derivatives = self.derivatives(&members, &solution.x, &curved);
                 let Some(direction) =
-                    self.direction(&members, &parts, &derivatives, &curved, &trust)
+                    self.direction(&members, &parts, &derivatives, &curved, &weighing)
                 else {
                     break;
                 };
@@ -375,29 +399,35 @@ impl Problem<'_> {
                     .find_map(|fraction| {
                         let candidate = moved(&members, &curved, &direction, fraction);
                         let parts = self.parts(&candidate);
-                        let better = self.solve_parts(&candidate, &parts, &trust)?;
+                        let better = self.solve_parts(&candidate, &parts, &weighing)?;
                         (better.objective < solution.objective)
                             .then_some((candidate, parts, better))
                     });
                 let Some(better) = better else { break };
                 let gained = solution.objective - better.2.objective;
                 (members, parts, solution) = better;
-                if gained < 1e-3 {
+                if gained < SETTLED {
                     break;
                 }
             }
-            if round == 0 && self.sweep(&mut members, &trust) {
+            if round == 0 && self.sweep(&mut members, &weighing) {
                 parts = self.parts(&members);
-                solution = self.solve_parts(&members, &parts, &trust)?;
+                solution = self.solve_parts(&members, &parts, &weighing)?;
             }
             // What of the random runs nobody saw follows from the fit itself.
             let theta = nominal(&solution.x);
             let motions = parts.motions.as_deref().unwrap_or(&self.situation.motions);
             let added = added_variance(&parts, &solution.x);
             let extra = self.unseen_variance(&theta, motions, &added);
-            trust = extra.iter().map(|e| 1.0 / (1.0 + e)).collect();
+            let trust: Vec<f64> = extra.iter().map(|e| 1.0 / (1.0 + e)).collect();
+            let before = weighing.trust.iter().zip(&trust);
+            let settled = before.map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max) < SETTLED;
+            weighing = self.weighing(trust);
             log_variance = extra.iter().map(|e| e.ln_1p()).sum();
-            solution = self.solve_parts(&members, &parts, &trust)?;
+            solution = self.solve_parts(&members, &parts, &weighing)?;
+            if settled {
+                break;
+            }
         }
         if !curved.is_empty() {
             derivatives = self.derivatives(&members, &solution.x, &curved);
@@ -408,13 +438,13 @@ impl Problem<'_> {
             solution,
             derivatives,
             curved,
-            trust,
+            weighing,
             log_variance,
         )
     }
 
     /// Moves parameters that go by steps to the best value near their start, finer than the grid; whether any moved.
-    fn sweep(&self, members: &mut [Member], trust: &[f64]) -> bool {
+    fn sweep(&self, members: &mut [Member], weighing: &Weighing) -> bool {
         const FINE: i32 = 24;
         let mut moved = false;
         for m in 0..members.len() {
@@ -425,10 +455,10 @@ impl Problem<'_> {
                 };
                 let start = members[m].values[k];
                 let step = 1.5 * (to - from) / points as f64 / f64::from(FINE);
-                let mut best = (self.profile(members, trust), start);
+                let mut best = (self.profile(members, weighing), start);
                 for n in -FINE..=FINE {
                     members[m].values[k] = (start + f64::from(n) * step).clamp(from, to);
-                    let objective = self.profile(members, trust);
+                    let objective = self.profile(members, weighing);
                     if objective < best.0 {
                         best = (objective, members[m].values[k]);
                     }
@@ -442,6 +472,9 @@ impl Problem<'_> {
 
     /// Columns of the derivatives by the curved parameters on their internal scale.
     fn derivatives(&self, members: &[Member], x: &[f64], curved: &[(usize, usize)]) -> Vec<Column> {
+        let moving = members
+            .iter()
+            .any(|m| matches!(m.effect.action, Action::Moves(..)));
         let columns: Vec<Vec<f64>> = curved
             .iter()
             .map(|&(m, k)| {
@@ -453,7 +486,8 @@ impl Problem<'_> {
                 let mut moved = [members.to_vec(), members.to_vec()];
                 moved[0][m].values[k] = outer(role, t - h);
                 moved[1][m].values[k] = outer(role, t + h);
-                let [then, now] = if matches!(members[m].effect.action, Action::Adds(_)) {
+                let [then, now] = if !moving && matches!(members[m].effect.action, Action::Adds(_))
+                {
                     let linear = |members: &[Member]| {
                         members.iter().map(|m| m.effect.linear()).sum::<usize>()
                     };
@@ -532,19 +566,11 @@ impl Problem<'_> {
         parts: &Parts,
         derivatives: &[Column],
         curved: &[(usize, usize)],
-        trust: &[f64],
+        weighing: &Weighing,
     ) -> Option<Vec<f64>> {
-        let nominal = parts.nominal.as_deref().unwrap_or(&self.nominal);
-        let linear = parts.linear.iter().map(|(c, _)| c);
-        let columns: Vec<&Column> = nominal.iter().chain(linear).chain(derivatives).collect();
-        let mut precision = linear_precision(members);
-        for &(m, k) in curved {
-            let (from, to) = range(members[m].effect.parameters[k].role)?;
-            precision.push(1.0 / (to - from).powi(2));
-        }
-        let observed = self.less(parts.offset.as_ref());
-        let solved = self.solve(&columns, &precision, &observed, trust)?;
-        Some(solved.x[columns.len() - curved.len()..].to_vec())
+        let precision = curved_precision(members, curved, 1.0)?;
+        let solved = self.solve_near(members, parts, derivatives, &precision, weighing)?;
+        Some(solved.x[solved.x.len() - curved.len()..].to_vec())
     }
 
     #[expect(clippy::too_many_arguments, reason = "the end of a fit")]
@@ -555,12 +581,13 @@ impl Problem<'_> {
         solution: Solution,
         derivatives: Vec<Column>,
         curved: Vec<(usize, usize)>,
-        trust: Vec<f64>,
+        weighing: Weighing,
         log_variance: f64,
     ) -> Option<Fit> {
         let mut unknowns = Vec::new();
         let mut log_prior = 0.0;
-        let mut precision = linear_precision(&members);
+        // Variance of an even probability over a range: a twelfth of its square.
+        let precision = curved_precision(&members, &curved, 12.0)?;
         for (m, member) in members.iter_mut().enumerate() {
             for (k, parameter) in member.effect.parameters.iter().enumerate() {
                 match parameter.role {
@@ -582,12 +609,17 @@ impl Problem<'_> {
         for &(m, k) in &curved {
             let (from, to) = range(members[m].effect.parameters[k].role)?;
             log_prior -= (to - from).ln();
-            precision.push(12.0 / (to - from).powi(2));
             unknowns.push((m, k));
         }
         let theta = nominal_values(&solution.x);
         let fitted = self.fitted(&parts, &solution.x);
-        let residuals = self.residuals(&fitted, &trust);
+        let residuals = self.residuals(&fitted, &weighing.trust);
+        let factor = if curved.is_empty() {
+            solution.factor
+        } else {
+            self.solve_near(&members, &parts, &derivatives, &precision, &weighing)?
+                .factor
+        };
         let linear = parts.linear.into_iter().map(|(column, _)| column);
         let nominal = parts.nominal.unwrap_or_else(|| self.nominal.clone());
         let columns: Vec<Column> = nominal
@@ -595,13 +627,6 @@ impl Problem<'_> {
             .chain(linear)
             .chain(derivatives)
             .collect();
-        let factor = if curved.is_empty() {
-            solution.factor
-        } else {
-            let references: Vec<&Column> = columns.iter().collect();
-            self.solve(&references, &precision, &self.observed, &trust)?
-                .factor
-        };
         let objective = solution.objective + log_variance;
         let volume = unknowns.len() as f64 * std::f64::consts::TAU.ln() - factor.log_determinant();
         Some(Fit {
@@ -616,7 +641,7 @@ impl Problem<'_> {
             columns,
             unknowns,
             residuals,
-            trust,
+            trust: weighing.trust,
         })
     }
 
@@ -673,20 +698,6 @@ fn added_variance(parts: &Parts, x: &[f64]) -> Vec<f64> {
     added
 }
 
-fn inner_product(x: &[f64], y: &[f64]) -> f64 {
-    // Four sums that do not wait for each other.
-    let (x4, x_rest) = x.as_chunks::<4>();
-    let (y4, y_rest) = y.as_chunks::<4>();
-    let mut sums = [0.0; 4];
-    for (x, y) in x4.iter().zip(y4) {
-        for k in 0..4 {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    let rest: f64 = x_rest.iter().zip(y_rest).map(|(x, y)| x * y).sum();
-    sums[0] + sums[1] + sums[2] + sums[3] + rest
-}
-
 /// The members a fraction of a step further, within the parameters' ranges.
 fn moved(
     members: &[Member],
@@ -718,6 +729,19 @@ fn linear_precision(members: &[Member]) -> Vec<f64> {
             _ => None,
         })
         .collect()
+}
+
+/// Precision of the curved parameters on their internal scale, over the square of their range.
+fn curved_precision(
+    members: &[Member],
+    curved: &[(usize, usize)],
+    precision: f64,
+) -> Option<Vec<f64>> {
+    let of = |&(m, k): &(usize, usize)| {
+        let (from, to) = range(members[m].effect.parameters[k].role)?;
+        Some(precision / (to - from).powi(2))
+    };
+    curved.iter().map(of).collect()
 }
 
 fn nominal_values(x: &[f64]) -> [f64; NOMINAL] {

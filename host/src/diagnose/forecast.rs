@@ -1,7 +1,8 @@
 //! Vibration error of runs that a diagnosis never saw.
 
+use super::dense::inner_product;
 use super::diagnosis::Diagnosis;
-use super::fit::{Fit, Member};
+use super::fit::{Fit, nominal};
 use super::problem::{Block, Problem};
 use crate::campaign::{Campaign, Run};
 use crate::error::Error;
@@ -28,20 +29,22 @@ pub fn predict_with_effects(
     let null = problem.fit_nominal().ok_or_else(undetermined)?;
     let mut fit = null;
     for _ in 0..2 {
-        problem.situation.coefficients = super::fit::nominal(&fit.theta);
+        problem.situation.coefficients = nominal(&fit.theta);
         fit = problem
             .fit(diagnosis.members(), &fit.trust, 3)
             .ok_or_else(undetermined)?;
     }
     let predictor = problem.unweighted();
-    let errors = predictor.vibration_errors(&fit);
+    let forecast = predictor.forecast(&fit);
+    let commanded = &predictor.situation.motions;
+    let unseen = predictor.unseen_variance(&nominal(&fit.theta), commanded, &forecast.record);
     let found = runs.iter().map(|run| {
-        let row = predictor
-            .situation
-            .runs
-            .iter()
-            .position(|known| same(known, run));
-        row.map_or(Quantity::UNDETERMINED, |row| errors[row])
+        let known = &predictor.situation.runs;
+        let row = known.iter().position(|known| same(known, run));
+        row.map_or(Quantity::UNDETERMINED, |row| {
+            let variance = forecast.variance[row] + unseen[row];
+            Quantity::new(forecast.vre_g[row], variance.sqrt())
+        })
     });
     Ok(found.collect())
 }
@@ -50,37 +53,48 @@ fn same(a: &Run, b: &Run) -> bool {
     a.run == b.run && a.time_s == b.time_s
 }
 
+/// What a fit says of every run's vibration error.
+pub(super) struct Forecast {
+    /// Its expectation, g.
+    pub(super) vre_g: Vec<f64>,
+    /// Its variance from coefficients and parameters, g^2.
+    pub(super) variance: Vec<f64>,
+    /// Its variance from what the effects make of a record that nobody knows, g^2.
+    pub(super) record: Vec<f64>,
+}
+
 impl<'c> Problem<'c> {
     /// The same runs with every row in g, for predictions.
-    fn unweighted(mut self) -> Self {
+    pub(super) fn unweighted(mut self) -> Self {
         self.weights.fill(1.0);
         self.nominal = self.design(&self.situation.motions);
         self
     }
 
-    /// Vibration error of every run under a fit, g.
-    fn vibration_errors(&self, fit: &Fit) -> Vec<Quantity> {
-        let members: &[Member] = &fit.members;
-        let (columns, values, added) = self.tangent(members, &fit.theta);
+    /// What `fit` says of every run.
+    pub(super) fn forecast(&self, fit: &Fit) -> Forecast {
+        let (columns, values, _) = self.tangent(&fit.members, &fit.theta);
         let n = columns.len();
-        let unseen = self.unseen_variance(&super::fit::nominal(&fit.theta), &fit.motions, &added);
         let [before, during] = [Block::Before, Block::During].map(|block| self.range(block).start);
-        (0..self.run_count())
-            .map(|row| {
-                let value = (values[during + row] - values[before + row]) / fit.theta[0];
-                let x: Vec<f64> = columns
-                    .iter()
-                    .map(|c| c.values[during + row] - c.values[before + row])
-                    .collect();
-                let mut variance = unseen[row];
-                if fit.covariance.len() == n * n {
-                    for i in 0..n {
-                        let row = &fit.covariance[i * n..(i + 1) * n];
-                        variance += x[i] * row.iter().zip(&x).map(|(c, x)| c * x).sum::<f64>();
-                    }
-                }
-                Quantity::new(value, variance.max(0.0).sqrt())
-            })
-            .collect()
+        let vre = |values: &[f64], row: usize| values[during + row] - values[before + row];
+        let variance = |row: usize| {
+            if fit.covariance.len() != n * n {
+                return 0.0;
+            }
+            let x: Vec<f64> = columns.iter().map(|c| vre(&c.values, row)).collect();
+            let rows = fit.covariance.chunks_exact(n).zip(&x);
+            rows.map(|(row, x_i)| x_i * inner_product(row, &x))
+                .sum::<f64>()
+                .max(0.0)
+        };
+        let rows = 0..self.run_count();
+        Forecast {
+            vre_g: rows
+                .clone()
+                .map(|row| vre(&values, row) / fit.theta[0])
+                .collect(),
+            variance: rows.map(variance).collect(),
+            record: self.prediction(&fit.members, &fit.theta).1,
+        }
     }
 }

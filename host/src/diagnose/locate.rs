@@ -190,10 +190,10 @@ impl Table {
             .collect();
         let mut chance: Vec<f64> = Vec::with_capacity(PERMUTATIONS);
         let mut shuffled = self.excess.clone();
-        let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+        let mut random = SplitMix(0x9e37_79b9_7f4a_7c15);
         for _ in 0..PERMUTATIONS {
             for last in (1..n).rev() {
-                shuffled.swap(last, (split_mix(&mut state) % (last as u64 + 1)) as usize);
+                shuffled.swap(last, random.index(last + 1));
             }
             let best = binned.iter().map(|factor| factor.best(&shuffled, total).0);
             chance.push(best.fold(0.0, f64::max));
@@ -288,11 +288,25 @@ impl<'v> Binned<'v> {
     }
 }
 
-/// The next number of Steele, Lea and Flood's SplitMix64: the same correction for the same campaign.
-fn split_mix(state: &mut u64) -> u64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
+/// Steele, Lea and Flood's SplitMix64: the same numbers for the same campaign.
+pub(super) struct SplitMix(pub(super) u64);
+
+impl SplitMix {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// A number from 0 to `below` - 1.
+    pub(super) fn index(&mut self, below: usize) -> usize {
+        (self.next() % below as u64) as usize
+    }
+
+    /// A number from 0 to 1.
+    pub(super) fn uniform(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
 }

@@ -11,6 +11,8 @@
 mod adequacy;
 pub mod blind;
 pub mod catalogue;
+mod closing;
+mod compensation;
 mod dense;
 pub mod diagnosis;
 pub mod fit;
@@ -19,10 +21,13 @@ mod locate;
 pub mod motion;
 mod next_test;
 pub mod problem;
+pub mod published;
 pub mod search;
 mod shrink;
 mod text;
+pub mod visibility;
 
+pub use compensation::Compensation;
 pub use diagnosis::{Diagnosis, Study, Verdict, diagnose};
 pub use forecast::predict_with_effects;
 pub use text::{headline, text};

@@ -1,5 +1,7 @@
 //! How the instrument moves in a run, and time means over that motion.
 
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
 use shared::model::{NOMINAL, SpecificForce};
 use shared::rectification::Sensitivity;
 use shared::vibration::{AbsoluteMean, Harmonic, Moments};
@@ -7,11 +9,12 @@ use shared::vibration::{AbsoluteMean, Harmonic, Moments};
 use crate::campaign::{Run, VibrationKind};
 use crate::finite_record::{ORDERS, correlation_integrals};
 
-/// Phases at which half a period of a sine is sampled; a kink's mean is then good to some 1e-4.
+/// Phases at which half a period of a distorted sine is sampled.
 const PHASES: usize = 512;
-/// Gaussian abscissas: from -REACH to REACH standard deviations.
+/// Nodes on each smooth piece of half a period, and of the normal density between -REACH and REACH standard deviations.
+const SINE_NODES: usize = 20;
+const NORMAL_NODES: usize = 60;
 const REACH: f64 = 7.0;
-const STEPS: usize = 280;
 
 /// Motion of the instrument in one run, along one line in the three axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +51,11 @@ impl Motion {
     /// The same motion `factor` times as large.
     pub fn scale(&mut self, factor: f64) {
         self.amplitude_g = self.amplitude_g.map(|w| w * factor);
+    }
+
+    /// Multiple of the amplitude at which the specific force along IA, `a0_i_g` at rest, is zero; infinite if it never is.
+    pub fn zero(&self, a0_i_g: f64) -> f64 {
+        -a0_i_g / self.amplitude_g[0]
     }
 
     /// Extreme multiples of the amplitude of a sine with its second harmonic: least and greatest.
@@ -104,7 +112,7 @@ impl Motion {
 
     /// Multiple of the amplitude at phase number k of half a period, which passes every value of the whole.
     fn sine_at(&self, k: usize) -> f64 {
-        let x = ((k as f64 + 0.5) / PHASES as f64 - 0.5) * std::f64::consts::PI;
+        let x = ((k as f64 + 0.5) / PHASES as f64 - 0.5) * PI;
         let sine = x.sin();
         sine - self.second_harmonic * (1.0 - 2.0 * sine * sine)
     }
@@ -120,10 +128,11 @@ pub fn main_axis(direction: &[f64; 3]) -> usize {
 /// Tables for time means, made once for all runs of a campaign.
 #[derive(Debug)]
 pub struct Averages {
-    sines: Vec<f64>,
-    /// Gaussian abscissas with their weights, and the weights times He_n, orthonormal, for n = 3 ..= ORDERS.
-    normals: Vec<[f64; 2]>,
-    hermites: Vec<[f64; ORDERS + 1]>,
+    /// Nodes and weights of Gauss and Legendre's rule between -1 and 1, for half a period of a sine and for the normal
+    /// density.
+    sine: Vec<[f64; 2]>,
+    normal: Vec<[f64; 2]>,
+    /// Of each random band the integrals of its autocorrelation's powers.
     integrals: Vec<([f64; 2], [f64; ORDERS + 1])>,
 }
 
@@ -139,28 +148,6 @@ pub struct TimeMean {
 impl Averages {
     /// Tables for these runs.
     pub fn new<'r>(runs: impl Iterator<Item = &'r Run>) -> Self {
-        let still = Motion {
-            amplitude_g: [0.0; 3],
-            second_harmonic: 0.0,
-            shape: [0.0, 3.0],
-            power_variance: 0.0,
-        };
-        let step = 2.0 * REACH / STEPS as f64;
-        let density = step / std::f64::consts::TAU.sqrt();
-        let mut normals = Vec::with_capacity(STEPS + 1);
-        let mut hermites = Vec::with_capacity(STEPS + 1);
-        for k in 0..=STEPS {
-            let x = (k as f64 - 0.5 * STEPS as f64) * step;
-            let weight = density * (-0.5 * x * x).exp();
-            normals.push([x, weight]);
-            // Orthonormal: h_n = (x h_(n-1) - sqrt(n-1) h_(n-2)) / sqrt n.
-            let mut h = [1.0; ORDERS + 1];
-            h[1] = x;
-            for n in 2..=ORDERS {
-                h[n] = (x * h[n - 1] - ((n - 1) as f64).sqrt() * h[n - 2]) / (n as f64).sqrt();
-            }
-            hermites.push(h.map(|h| h * weight));
-        }
         let mut integrals: Vec<([f64; 2], _)> = Vec::new();
         for run in runs.filter(|run| run.kind == VibrationKind::Random) {
             if !integrals.iter().any(|(band, _)| *band == run.band_hz) {
@@ -168,35 +155,56 @@ impl Averages {
             }
         }
         Self {
-            sines: (0..PHASES).map(|k| still.sine_at(k)).collect(),
-            normals,
-            hermites,
+            sine: gauss_legendre(SINE_NODES),
+            normal: gauss_legendre(NORMAL_NODES),
             integrals,
         }
     }
 
-    /// The time mean of `function` over a run with this motion.
-    pub fn mean(&self, run: &Run, motion: &Motion, function: impl Fn([f64; 3]) -> f64) -> TimeMean {
+    /// The time mean of `function` over a run with this motion. Between its `kinks`, multiples of the motion's
+    /// amplitude where it or its slope jumps, the function is smooth.
+    pub fn mean(
+        &self,
+        run: &Run,
+        motion: &Motion,
+        kinks: &[f64],
+        function: impl Fn([f64; 3]) -> f64,
+    ) -> TimeMean {
         let a0 = run.specific_force_g;
         let [i, p, o] = motion.amplitude_g;
         let at = |w: f64| function([a0.i + i * w, a0.p + p * w, a0.o + o * w]);
         if run.kind == VibrationKind::Sine {
-            let sum: f64 = self.sines.iter().map(|&w| at(w)).sum();
+            // Half a period passes every value of the whole.
+            let kinks = kinks.iter().filter(|k| k.abs() < 1.0).map(|k| k.asin());
+            let mut sum = 0.0;
+            pieces(FRAC_PI_2, kinks, &self.sine, |x, width| {
+                sum += width * at(x.sin())
+            });
             return TimeMean {
-                value: sum / self.sines.len() as f64,
+                value: sum / PI,
                 variance: 0.0,
             };
         }
         let (mut mean, mut square) = (0.0, 0.0);
+        // Coefficients of the orthonormal Hermite polynomials, x h_n = sqrt(n+1) h_(n+1) + sqrt(n) h_(n-1).
         let mut c = [0.0; ORDERS + 1];
-        for (&[x, weight], h) in self.normals.iter().zip(&self.hermites) {
+        pieces(REACH, kinks.iter().copied(), &self.normal, |x, width| {
             let f = at(x);
-            mean += weight * f;
-            square += weight * f * f;
-            for (c, h) in c.iter_mut().zip(h) {
-                *c += f * h;
+            if f == 0.0 {
+                return;
             }
-        }
+            let weighted = f * width * (-0.5 * x * x).exp() / TAU.sqrt();
+            mean += weighted;
+            square += weighted * f;
+            let mut h = [1.0, x];
+            c[1] += weighted * x;
+            for (n, c) in c.iter_mut().enumerate().skip(2) {
+                let n = n as f64;
+                h = [h[1], (x * h[1] - (n - 1.0).sqrt() * h[0]) / n.sqrt()];
+                *c += weighted * h[1];
+            }
+        });
+        c[0] = mean;
         // M[He_3] is the skewness, M[He_4] the kurtosis less 3 (the mean square is exact).
         let [skew, kurt] = motion.shape;
         let value = mean + c[3] * skew / 6f64.sqrt() + c[4] * (kurt - 3.0) / 24f64.sqrt();
@@ -215,31 +223,145 @@ impl Averages {
     }
 }
 
-/// Mean and relative-power variance over a run's band of a frequency response's squared magnitude. For a sine
-/// the value at its frequency, with no variance; for a flat band the mean, and the variance of the mean over
-/// records of that length whose total power is known: var_f(response) / (bandwidth x time).
-pub fn band_mean(run: &Run, response: impl Fn(f64) -> f64) -> TimeMean {
-    let [low, high] = run.band_hz;
-    if run.kind == VibrationKind::Sine || high <= low {
-        return TimeMean {
-            value: response(low),
-            variance: 0.0,
+/// Nodes of Gauss and Legendre's rule on every piece between -`reach`, the kinks and `reach`, each with its width.
+fn pieces(
+    reach: f64,
+    kinks: impl Iterator<Item = f64>,
+    rule: &[[f64; 2]],
+    mut visit: impl FnMut(f64, f64),
+) {
+    let mut edges: Vec<f64> = kinks.filter(|k| k.abs() < reach).collect();
+    edges.extend([-reach, reach]);
+    edges.sort_by(f64::total_cmp);
+    for edge in edges.windows(2) {
+        let (centre, half) = (0.5 * (edge[0] + edge[1]), 0.5 * (edge[1] - edge[0]));
+        for [x, weight] in rule {
+            visit(centre + half * x, half * weight);
+        }
+    }
+}
+
+/// Nodes and weights of Gauss and Legendre's rule between -1 and 1: the zeros of P_n, by Newton's method, and
+/// 2 / ((1 - x^2) P_n'(x)^2).
+fn gauss_legendre(n: usize) -> Vec<[f64; 2]> {
+    let node = |k: usize| {
+        let mut x = (PI * (k as f64 + 0.75) / (n as f64 + 0.5)).cos();
+        let mut slope = 1.0;
+        for _ in 0..100 {
+            let (mut p, mut before) = (1.0, 0.0);
+            for m in 1..=n {
+                let m = m as f64;
+                (p, before) = (((2.0 * m - 1.0) * x * p - (m - 1.0) * before) / m, p);
+            }
+            slope = n as f64 * (x * p - before) / (x * x - 1.0);
+            let step = p / slope;
+            x -= step;
+            if step.abs() < 1e-15 {
+                break;
+            }
+        }
+        [x, 2.0 / ((1.0 - x * x) * slope * slope)]
+    };
+    (0..n).map(node).collect()
+}
+
+/// Points at which a band is sampled.
+const BAND_POINTS: usize = 256;
+
+/// The distinct bands of the runs: what goes by frequency alone is worked out once a band.
+#[derive(Debug)]
+pub struct Bands {
+    /// Of each band its frequencies (Hz) and their weights, which add up to 1; of a sine the one frequency.
+    points: Vec<Vec<[f64; 2]>>,
+    /// Of each run its band, and the reciprocal of bandwidth times duration (zero for a sine).
+    of_run: Vec<(usize, f64)>,
+}
+
+impl Bands {
+    /// The bands of these runs.
+    pub fn new<'r>(runs: impl Iterator<Item = &'r Run>) -> Self {
+        let mut edges: Vec<[f64; 2]> = Vec::new();
+        let of_run = runs.map(|run| {
+            let [low, high] = match run.kind {
+                VibrationKind::Sine => [run.band_hz[0]; 2],
+                VibrationKind::Random => run.band_hz,
+            };
+            let band = edges.iter().position(|known| *known == [low, high]);
+            let band = band.unwrap_or_else(|| {
+                edges.push([low, high]);
+                edges.len() - 1
+            });
+            let width = high - low;
+            (
+                band,
+                if width > 0.0 {
+                    (width * run.duration_s).recip()
+                } else {
+                    0.0
+                },
+            )
+        });
+        let of_run = of_run.collect();
+        Self {
+            points: edges.into_iter().map(sampled).collect(),
+            of_run,
+        }
+    }
+
+    /// Of each run the mean over its band of a frequency response's squared magnitude. For a sine the value at its
+    /// frequency, with no variance; for a flat band the mean, and the variance of the mean over records of that length
+    /// whose total power is known: var_f(response) / (bandwidth x time).
+    pub fn means(&self, response: impl Fn(f64) -> f64) -> Vec<TimeMean> {
+        let of_band = |points: &Vec<[f64; 2]>| {
+            let (mut mean, mut square) = (0.0, 0.0);
+            for &[f, weight] in points {
+                let value = response(f);
+                mean += weight * value;
+                square += weight * value * value;
+            }
+            TimeMean {
+                value: mean,
+                variance: (square - mean * mean).max(0.0),
+            }
         };
+        let of_band: Vec<TimeMean> = self.points.iter().map(of_band).collect();
+        let of_run = |&(band, per_record): &(usize, f64)| TimeMean {
+            variance: of_band[band].variance * per_record,
+            ..of_band[band]
+        };
+        self.of_run.iter().map(of_run).collect()
     }
-    const POINTS: usize = 256;
+}
+
+/// Frequencies of a flat band with their weights.
+fn sampled([low, high]: [f64; 2]) -> Vec<[f64; 2]> {
+    if high <= low {
+        return vec![[low, 1.0]];
+    }
     // Equal steps of the logarithm, each weighted by its width: low edges need the finer steps.
-    let low = low.max(1e-3 * high);
-    let ratio = (high / low).ln() / POINTS as f64;
-    let (mut mean, mut square) = (0.0, 0.0);
-    for k in 0..POINTS {
-        let f = low * ((k as f64 + 0.5) * ratio).exp();
-        let weight = f * ratio / (high - low);
-        let value = response(f);
-        mean += weight * value;
-        square += weight * value * value;
-    }
-    TimeMean {
-        value: mean,
-        variance: (square - mean * mean).max(0.0) / ((high - low) * run.duration_s),
+    let from = low.max(1e-3 * high);
+    let ratio = (high / from).ln() / BAND_POINTS as f64;
+    let at = |k: usize| {
+        let f = from * ((k as f64 + 0.5) * ratio).exp();
+        [f, f * ratio / (high - from)]
+    };
+    (0..BAND_POINTS).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rule_integrates_polynomials_and_a_split_kink_exactly() {
+        let rule = gauss_legendre(20);
+        let of = |f: &dyn Fn(f64) -> f64| rule.iter().map(|[x, w]| w * f(*x)).sum::<f64>();
+        assert!((of(&|_| 1.0) - 2.0).abs() < 1e-14);
+        assert!((of(&|x| x.powi(38)) - 2.0 / 39.0).abs() < 1e-14);
+        let mut sum = 0.0;
+        pieces(1.0, [0.3].into_iter(), &rule, |x, width| {
+            sum += width * (x - 0.3).abs()
+        });
+        assert!((sum - 0.5 * (1.3 * 1.3 + 0.7 * 0.7)).abs() < 1e-14);
     }
 }

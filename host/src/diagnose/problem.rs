@@ -4,10 +4,14 @@
 //! factor of their covariance: noise and repeatability of each, one error a mark, two tilts of the base, one error a
 //! remounting. The plateaus of a run stand for themselves, at the run's nominal attitude.
 
+use std::ops::Range;
+use std::rc::Rc;
+
 use shared::model::{Coefficients, NOMINAL, SpecificForce, terms};
 use shared::tumble::within_a_turn;
 
-use super::motion::{Averages, Motion, main_axis};
+use super::dense::inner_product;
+use super::motion::{Averages, Bands, Motion, main_axis};
 use crate::campaign::{Campaign, Reading, Run, VibrationKind};
 use crate::finite_record::unseen_variance_g2;
 use crate::identification::position;
@@ -64,18 +68,37 @@ pub const BLOCKS: [Block; 9] = [
     Block::Shape,
 ];
 
-/// A vector over all observations; blocks that are not touched are zero and cost nothing.
+/// A vector over all observations; what lies outside its span is zero and costs nothing.
 #[derive(Clone, Debug)]
 pub struct Column {
     /// One number a row.
     pub values: Vec<f64>,
-    touched: u16,
+    /// Rows of the blocks from the first to the last that may differ from zero.
+    span: Range<usize>,
 }
 
 impl Column {
-    /// Whether the column may differ from zero in a block.
-    pub fn touches(&self, block: Block) -> bool {
-        self.touched & (1 << block as usize) != 0
+    fn widen(&mut self, rows: Range<usize>) {
+        self.span = if self.span.is_empty() {
+            rows
+        } else {
+            self.span.start.min(rows.start)..self.span.end.max(rows.end)
+        };
+    }
+
+    /// Inner product.
+    pub(super) fn dot(&self, other: &Self) -> f64 {
+        self.dot_within(other, 0..usize::MAX)
+    }
+
+    fn dot_within(&self, other: &Self, rows: Range<usize>) -> f64 {
+        let start = self.span.start.max(other.span.start).max(rows.start);
+        let end = self.span.end.min(other.span.end).min(rows.end);
+        if start < end {
+            inner_product(&self.values[start..end], &other.values[start..end])
+        } else {
+            0.0
+        }
     }
 }
 
@@ -92,23 +115,26 @@ impl Change {
     /// Adds to row `row` of a block.
     pub fn add(&mut self, block: Block, row: usize, value_g: f64) {
         if value_g != 0.0 {
-            self.column.touched |= 1 << block as usize;
-            self.column.values[self.starts[block as usize] + row] += value_g;
+            let (start, end) = (self.starts[block as usize], self.starts[block as usize + 1]);
+            self.column.widen(start..end);
+            self.column.values[start + row] += value_g;
         }
     }
 }
 
 /// What effects may look at.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Situation<'c> {
     /// Dial readings.
     pub readings: &'c [Reading],
     /// Runs, those to be predicted included, in the order of time.
     pub runs: Vec<&'c Run>,
-    /// Their commanded motion.
+    /// Their motion: as commanded, or as another effect of the hypothesis has changed it.
     pub motions: Vec<Motion>,
     /// Tables for time means.
-    pub averages: Averages,
+    pub averages: Rc<Averages>,
+    /// Their bands.
+    pub bands: Rc<Bands>,
     /// Coefficients that the nominal model is believed to have.
     pub coefficients: Coefficients<f64>,
     /// Largest magnitude of each run's vibration along IA, g.
@@ -125,14 +151,17 @@ pub struct Situation<'c> {
     pub reference_temp_c: f64,
     /// The logger's rate, Hz.
     pub logger_rate_hz: f64,
+    /// Whether grids are gone over for a start: a costly time mean may then be a rough one.
+    pub searching: bool,
 }
 
-/// Normal equations of the coefficients from all rows that no motion touches, prior included.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Still {
-    pub(super) matrix: Vec<f64>,
+/// Normal equations of the coefficients, prior included.
+#[derive(Clone, Debug)]
+pub(super) struct Normal {
+    /// Matrix, row by row, lower triangle.
+    pub(super) matrix: [f64; NOMINAL * NOMINAL],
     pub(super) right: [f64; NOMINAL],
-    /// Sum of squares of the observations in these rows, and of those without a nominal prediction.
+    /// Sum of squares of the observations.
     pub(super) square: f64,
 }
 
@@ -153,11 +182,14 @@ pub struct Problem<'c> {
     pub weights: Vec<f64>,
     /// Lower triangle of the static covariance's Cholesky factor, row by row.
     static_factor: Vec<f64>,
-    pub(super) still: Still,
+    /// Normal equations of all rows that no motion touches.
+    pub(super) still: Normal,
     /// Of each run the variance of M|a0 + w| over records of the moments that the reference saw, g^2.
     kink_variance: Vec<f64>,
     /// Squares of the reciprocal prior standard deviations of the coefficients.
     pub prior_precision: [f64; NOMINAL],
+    /// First run that another reference, beside the instrument, sees: all that the instrument itself feels.
+    pub(super) seen_beside_instrument: usize,
 }
 
 impl<'c> Problem<'c> {
@@ -174,7 +206,8 @@ impl<'c> Problem<'c> {
         let bench = &campaign.config.bench;
         let situation = Situation {
             motions: runs.iter().map(|run| Motion::commanded(run)).collect(),
-            averages: Averages::new(runs.iter().copied()),
+            averages: Rc::new(Averages::new(runs.iter().copied())),
+            bands: Rc::new(Bands::new(runs.iter().copied())),
             coefficients: Coefficients {
                 scale_factor_v_per_g: scale_v_per_g,
                 ..Coefficients::default()
@@ -192,6 +225,7 @@ impl<'c> Problem<'c> {
             gravity_g: bench.local_gravity_g,
             reference_temp_c: bench.reference_temp_c,
             logger_rate_hz: campaign.config.acquisition.sample_rate_hz,
+            searching: false,
         };
         let (s, r) = (situation.readings.len(), situation.runs.len());
         let lengths = [s, r, r, r, r, r, r, 3 * r, 2 * r];
@@ -201,16 +235,21 @@ impl<'c> Problem<'c> {
         }
         let mut problem = Self {
             static_factor: static_factor(campaign, scale_v_per_g),
-            still: Still::default(),
+            still: Normal {
+                matrix: [0.0; NOMINAL * NOMINAL],
+                right: [0.0; NOMINAL],
+                square: 0.0,
+            },
             kink_variance: {
                 let runs = situation.runs.iter().zip(&situation.motions);
                 runs.map(|(run, motion)| match run.kind {
                     VibrationKind::Sine => 0.0,
                     VibrationKind::Random => {
-                        situation
+                        let zero = motion.zero(run.specific_force_g.i);
+                        let mean = situation
                             .averages
-                            .mean(run, motion, |a| a[0].abs())
-                            .variance
+                            .mean(run, motion, &[zero], |a| a[0].abs());
+                        mean.variance
                     }
                 })
                 .collect()
@@ -218,26 +257,18 @@ impl<'c> Problem<'c> {
             weights: vec![0.0; starts[BLOCKS.len()]],
             observed: Column {
                 values: vec![0.0; starts[BLOCKS.len()]],
-                touched: u16::MAX,
+                span: 0..starts[BLOCKS.len()],
             },
             nominal: Vec::new(),
             prior_precision: PRIOR_SIGMA.map(|sigma| sigma.powi(-2)),
+            seen_beside_instrument: usize::MAX,
             situation,
             scale_v_per_g,
             starts,
         };
         problem.observe(campaign);
         problem.nominal = problem.design(&problem.situation.motions);
-        problem.still = problem.stand_still();
-        problem
-    }
-
-    fn stand_still(&self) -> Still {
-        let mut still = Still {
-            matrix: vec![0.0; NOMINAL * NOMINAL],
-            right: [0.0; NOMINAL],
-            square: self.prior_precision[0],
-        };
+        let mut still = problem.prior();
         for block in [
             Block::Static,
             Block::Before,
@@ -246,29 +277,96 @@ impl<'c> Problem<'c> {
             Block::Reference,
             Block::Shape,
         ] {
-            let rows = self.range(block);
-            let y = &self.observed.values[rows.clone()];
-            still.square += y.iter().map(|y| y * y).sum::<f64>();
-            for i in 0..NOMINAL {
-                let a = &self.nominal[i].values[rows.clone()];
-                still.right[i] += a.iter().zip(y).map(|(a, y)| a * y).sum::<f64>();
-                for j in 0..=i {
-                    let b = &self.nominal[j].values[rows.clone()];
-                    still.matrix[i * NOMINAL + j] +=
-                        a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-                }
+            problem.absorb(&mut still, &problem.nominal, block);
+        }
+        problem.still = still;
+        problem
+    }
+
+    /// Normal equations of the prior alone; K1's is about 1, in units of the scale factor.
+    fn prior(&self) -> Normal {
+        let mut prior = Normal {
+            matrix: [0.0; NOMINAL * NOMINAL],
+            right: [0.0; NOMINAL],
+            square: self.prior_precision[0],
+        };
+        for i in 0..NOMINAL {
+            prior.matrix[i * NOMINAL + i] = self.prior_precision[i];
+        }
+        prior.right[0] = self.prior_precision[0];
+        prior
+    }
+
+    /// Adds the rows of a block, which count alike; `nominal` are the model's columns at the motion supposed.
+    fn absorb(&self, normal: &mut Normal, nominal: &[Column], block: Block) {
+        let (rows, observed) = (self.range(block), &self.observed);
+        for (i, column) in nominal.iter().enumerate() {
+            normal.right[i] += column.dot_within(observed, rows.clone());
+            for (j, other) in nominal[..=i].iter().enumerate() {
+                normal.matrix[i * NOMINAL + j] += column.dot_within(other, rows.clone());
             }
         }
-        for i in 0..NOMINAL {
-            still.matrix[i * NOMINAL + i] += self.prior_precision[i];
+        normal.square += observed.dot_within(observed, rows);
+    }
+
+    /// Normal equations of the coefficients when each run's `during` counts by its trust.
+    pub(super) fn normal(&self, nominal: &[Column], trust: &[f64]) -> Normal {
+        let mut normal = self.still.clone();
+        for block in [Block::Maximum, Block::Minimum] {
+            self.absorb(&mut normal, nominal, block);
         }
-        // K1's prior is about 1, in units of the scale factor.
-        still.right[0] += self.prior_precision[0];
-        still
+        let rows = self.range(Block::During);
+        let trusted = |column: &Column| -> Vec<f64> {
+            let values = column.values[rows.clone()].iter().zip(trust);
+            values.map(|(value, trust)| value * trust).collect()
+        };
+        for (i, column) in nominal.iter().enumerate() {
+            let trusted = trusted(column);
+            normal.right[i] += inner_product(&trusted, &self.observed.values[rows.clone()]);
+            for (j, other) in nominal[..=i].iter().enumerate() {
+                normal.matrix[i * NOMINAL + j] +=
+                    inner_product(&trusted, &other.values[rows.clone()]);
+            }
+        }
+        let observed = trusted(&self.observed);
+        normal.square += inner_product(&observed, &self.observed.values[rows.clone()]);
+        normal
+    }
+
+    /// Inner product with each run's `during` weighted by the trust in it.
+    pub(super) fn dot(&self, a: &Column, b: &Column, trust: &[f64]) -> f64 {
+        let during = self.range(Block::During);
+        let trusted = a.span.start.max(b.span.start) < during.end
+            && a.span.end.min(b.span.end) > during.start;
+        let weighted = if trusted {
+            let rows = a.values[during.clone()]
+                .iter()
+                .zip(&b.values[during.clone()]);
+            rows.zip(trust).map(|((a, b), t)| a * b * t).sum()
+        } else {
+            0.0
+        };
+        a.dot_within(b, 0..during.start) + weighted + a.dot_within(b, during.end..usize::MAX)
+    }
+
+    /// Columns with each run's `during` times its weight.
+    pub(super) fn weighted<'a>(
+        &self,
+        columns: impl IntoIterator<Item = &'a Column>,
+        weight: &[f64],
+    ) -> Vec<Column> {
+        let during = self.range(Block::During);
+        let weighted = columns.into_iter().cloned().map(|mut column| {
+            for (value, weight) in column.values[during.clone()].iter_mut().zip(weight) {
+                *value *= weight;
+            }
+            column
+        });
+        weighted.collect()
     }
 
     /// Rows of a block.
-    pub fn range(&self, block: Block) -> std::ops::Range<usize> {
+    pub fn range(&self, block: Block) -> Range<usize> {
         self.starts[block as usize]..self.starts[block as usize + 1]
     }
 
@@ -282,22 +380,22 @@ impl<'c> Problem<'c> {
         Change {
             column: Column {
                 values: vec![0.0; self.weights.len()],
-                touched: 0,
+                span: 0..0,
             },
             starts: self.starts,
             variance: vec![0.0; self.run_count()],
         }
     }
 
-    /// A column of whitened values; blocks that are all zero count as not touched.
+    /// A column of whitened values.
     pub fn column(&self, values: Vec<f64>) -> Column {
-        let touches = |block: &&Block| values[self.range(**block)].iter().any(|&v| v != 0.0);
-        let touched = BLOCKS
-            .iter()
-            .filter(touches)
-            .map(|&block| 1 << block as usize)
-            .sum();
-        Column { values, touched }
+        let mut column = Column { values, span: 0..0 };
+        for rows in BLOCKS.map(|block| self.range(block)) {
+            if column.values[rows.clone()].iter().any(|&v| v != 0.0) {
+                column.widen(rows);
+            }
+        }
+        column
     }
 
     /// The change divided by the observations' uncertainty, and the variance that it adds.
@@ -309,7 +407,7 @@ impl<'c> Problem<'c> {
 
     fn whiten_column(&self, column: &mut Column) {
         let first = self.starts[1];
-        if column.touches(Block::Static) {
+        if column.span.start < first {
             let (head, _) = column.values.split_at_mut(first);
             let mut row = &self.static_factor[..];
             for i in 0..first {
@@ -499,7 +597,7 @@ impl<'c> Problem<'c> {
         }
         self.weights = sigma.iter().map(|sigma| sigma.recip()).collect();
         let (mut column, _) = (y.column, y.variance);
-        column.touched = u16::MAX;
+        column.span = 0..column.values.len();
         self.whiten_column(&mut column);
         self.observed = column;
     }

@@ -1,8 +1,10 @@
 //! Which effects: singles, pairs and steps beyond, by marginal likelihood.
 
+use std::collections::HashMap;
+
 use shared::model::NOMINAL;
 
-use super::adequacy::Adequacy;
+use super::adequacy::{Adequacy, Remainder};
 use super::catalogue::{Action, Effect, Role};
 use super::dense::Cholesky;
 use super::fit::{Fit, Member, grid, nominal};
@@ -29,6 +31,8 @@ const BASES: usize = 3;
 /// Most promising effects that are fitted, first and on top of others.
 const CLOSER_LOOK: usize = 10;
 const FURTHER: usize = 4;
+/// Share of the most promising effect's gain, at the nearest points of the grids, below which another one cannot win.
+const HOPELESS: f64 = 0.05;
 /// A small value of a parameter that begins at nothing.
 const SMALL: f64 = 2e-3;
 /// Modes that an effect of several curved parameters is fitted from.
@@ -83,10 +87,12 @@ impl Problem<'_> {
     pub fn search(&mut self, catalogue: &[&'static Effect]) -> Option<Search> {
         self.situation.coefficients = self.coefficients_at_rest()?;
         let null = self.fit_nominal()?;
+        self.situation.searching = true;
         let starts: Vec<Start> = catalogue
             .iter()
             .flat_map(|effect| self.starts(effect))
             .collect();
+        self.situation.searching = false;
         let mut fits = self.add_to(&null, &starts, CLOSER_LOOK);
         fits.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         let families = self.families();
@@ -218,9 +224,10 @@ impl Problem<'_> {
 
     /// The best starts of every effect on top of a fit, the most promising effect first.
     fn promising(&self, base: &Fit, starts: &[Start]) -> Vec<Promise> {
-        let residual = self.column(base.residuals.clone());
+        let remainder = self.remainder(base);
         let commanded = self.moving(&self.situation.motions);
         let mut promises: Vec<Promise> = Vec::new();
+        let mut scatters: HashMap<&str, Vec<(usize, f64)>> = HashMap::new();
         for start in starts {
             let effect = start.member.effect;
             if base
@@ -233,20 +240,23 @@ impl Problem<'_> {
             let gain = match effect.action {
                 Action::Adds(_) if effect.linear() > 0 => {
                     let columns: Vec<&Column> = start.columns.iter().collect();
-                    self.gain(base, &columns, &residual, 1e8).0
+                    remainder.gain(&columns, 1e8).0
                 }
-                Action::Adds(_) => self.fixed_gain(base, &start.columns[0], &residual),
+                Action::Adds(_) => fixed_gain(&remainder, &start.columns[0]),
                 Action::Moves(..) if from_nothing(effect) => {
                     let column = self.moved_difference(base, start, &commanded);
-                    self.gain(base, &[&column], &residual, 1e8).0
+                    remainder.gain(&[&column], 1e8).0
                 }
                 Action::Moves(..) if base.members.is_empty() => self.moved_gain(base, start),
-                Action::Moves(..) => self.fixed_gain(
-                    base,
-                    &self.moved_difference(base, start, &commanded),
-                    &residual,
-                ),
-                Action::Scatters(_) => self.scatter_gain(base, &start.member),
+                Action::Moves(..) => {
+                    fixed_gain(&remainder, &self.moved_difference(base, start, &commanded))
+                }
+                Action::Scatters(_) => {
+                    let unit = scatters
+                        .entry(effect.id)
+                        .or_insert_with(|| self.unit_scatter(base, effect));
+                    self.scatter_gain(base, unit, start.member.values[0])
+                }
             };
             // One start for each value of the first parameter that is not in proportion: modes lie apart along it.
             let mode = |member: &Member| member.values.get(effect.linear()).copied();
@@ -275,13 +285,9 @@ impl Problem<'_> {
             promise.starts.truncate(if curved > 1 { MODES } else { 2 });
         }
         promises.sort_by(|a, b| b.starts[0].0.total_cmp(&a.starts[0].0));
+        let largest = promises.first().map_or(0.0, |p| p.starts[0].0);
+        promises.retain(|p| p.starts[0].0 > HOPELESS * largest);
         promises
-    }
-
-    /// Drop of chi-square by a column that is added as it is.
-    fn fixed_gain(&self, base: &Fit, column: &Column, residual: &Column) -> f64 {
-        let (matrix, right) = self.reduced(base, &[column], residual);
-        2.0 * right[0] - matrix[0]
     }
 
     /// What a changed motion adds to the predictions of a fit.
@@ -299,6 +305,9 @@ impl Problem<'_> {
             [Block::During, Block::Maximum, Block::Minimum].map(|block| self.range(block).start);
         for (row, (moved, commanded)) in start.rows.iter().zip(commanded).enumerate() {
             for (part, first) in blocks.into_iter().enumerate() {
+                if self.weights[first + row] == 0.0 {
+                    continue;
+                }
                 let terms = moved[part].iter().zip(&commanded[part]).zip(&base.theta);
                 values[first + row] +=
                     self.weights[first + row] * terms.map(|((a, b), x)| (a - b) * x).sum::<f64>();
@@ -309,7 +318,7 @@ impl Problem<'_> {
 
     /// Drop of chi-square by a changed motion, the coefficients fitted anew.
     fn moved_gain(&self, base: &Fit, start: &Start) -> f64 {
-        let mut matrix = self.still.matrix.clone();
+        let mut matrix = self.still.matrix;
         let mut right = self.still.right;
         let mut square = self.still.square;
         let blocks =
@@ -355,7 +364,7 @@ impl Problem<'_> {
                 .zip(&self.observed.values[rows]);
             square += pairs.map(|(seen, y)| seen * (seen - 2.0 * y)).sum::<f64>();
         }
-        let Some(factor) = Cholesky::new(matrix, NOMINAL) else {
+        let Some(factor) = Cholesky::new(matrix.to_vec(), NOMINAL) else {
             return f64::NEG_INFINITY;
         };
         factor.forward(&mut right);
@@ -375,9 +384,35 @@ impl Problem<'_> {
                     .into_iter()
                     .filter(|(gain, _)| *gain > 0.5 * largest);
                 let fits = worth.filter_map(|(_, member)| self.refined(base, member));
-                fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+                let best = fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+                Some(self.other_signs(best))
             })
             .collect()
+    }
+
+    /// Without a reference nothing but the instrument's cross-couplings tells the sign of a motion across the drive: a
+    /// fit's last effect from the other signs as well.
+    fn other_signs(&self, mut best: Fit) -> Fit {
+        let last = best.members.len() - 1;
+        let Member { effect, values } = best.members[last].clone();
+        if !from_nothing(effect)
+            || values.len() < 2
+            || self.observed_rows(Block::Reference).next().is_some()
+        {
+            return best;
+        }
+        for signs in 1..1_usize << values.len() {
+            let mut members = best.members.clone();
+            for (k, value) in values.iter().enumerate() {
+                members[last].values[k] = if signs >> k & 1 == 1 { -value } else { *value };
+            }
+            if let Some(fit) = self.refit(members, &best.trust)
+                && fit.log_evidence > best.log_evidence
+            {
+                best = fit;
+            }
+        }
+        best
     }
 
     fn refined(&self, base: &Fit, member: Member) -> Option<Fit> {
@@ -401,19 +436,28 @@ impl Problem<'_> {
         Some(fit)
     }
 
-    /// Drop of -2 log likelihood by a scatter of `during`, at a fit's residuals.
-    fn scatter_gain(&self, base: &Fit, member: &Member) -> f64 {
-        let Action::Scatters(scatter) = member.effect.action else {
-            return 0.0;
+    /// Drop of -2 log likelihood by a scatter of `during` of that size, at a fit's residuals. `unit` is what of size 1 would
+    /// add to the variance of each run that it touches, in units of what the fit has: row of the run, and variance.
+    fn scatter_gain(&self, base: &Fit, unit: &[(usize, f64)], size: f64) -> f64 {
+        let gain = unit.iter().map(|&(row, unit)| {
+            let added = size * size * unit;
+            base.residuals[row].powi(2) * added / (1.0 + added) - added.ln_1p()
+        });
+        gain.sum()
+    }
+
+    fn unit_scatter(&self, base: &Fit, effect: &Effect) -> Vec<(usize, f64)> {
+        let Action::Scatters(scatter) = effect.action else {
+            return Vec::new();
         };
-        let rows = self.range(Block::During);
-        let mut gain = 0.0;
-        for ((run, row), trust) in self.situation.runs.iter().zip(rows).zip(&base.trust) {
-            let added =
-                scatter(&member.values, run, &self.situation) * self.weights[row].powi(2) * trust;
-            gain += base.residuals[row].powi(2) * added / (1.0 + added) - added.ln_1p();
-        }
-        gain
+        let runs = self.situation.runs.iter().zip(self.range(Block::During));
+        runs.zip(&base.trust)
+            .map(|((run, row), trust)| {
+                let variance = scatter(run, &self.situation);
+                (row, variance * self.weights[row].powi(2) * trust)
+            })
+            .filter(|(_, unit)| *unit > 0.0)
+            .collect()
     }
 
     /// Largest likeness of any two effects of a fit, beyond what the nominal model can imitate.
@@ -424,7 +468,7 @@ impl Problem<'_> {
             .map(|member| self.alone(fit, member))
             .collect();
         let references: Vec<&Column> = alone.iter().collect();
-        let correlation = self.similarity(null, &references);
+        let correlation = self.remainder(null).similarity(&references);
         let mut largest = 0.0_f64;
         for i in 0..alone.len() {
             for j in 0..i {
@@ -445,25 +489,16 @@ impl Problem<'_> {
     fn best_scatter(&self, fit: &Fit, index: usize) -> f64 {
         let mut bare = fit.clone();
         let member = bare.members.remove(index);
-        let Action::Scatters(scatter) = member.effect.action else {
-            return member.values[0];
-        };
-        let rows = self.range(Block::During);
-        for ((run, row), trust) in self.situation.runs.iter().zip(rows).zip(&mut bare.trust) {
-            let added = scatter(&member.values, run, &self.situation) * self.weights[row].powi(2);
-            let without = 1.0 / (1.0 / *trust - added).max(1.0);
-            bare.residuals[row] *= (without / *trust).sqrt();
-            *trust = without;
+        let first = self.range(Block::During).start;
+        for (row, added) in self.unit_scatter(fit, member.effect) {
+            // In units of the variance with the scatter: what is left without it, the noise's own at least.
+            let trust = &mut bare.trust[row - first];
+            let left = (1.0 - member.values[0].powi(2) * added).max(*trust);
+            bare.residuals[row] /= left.sqrt();
+            *trust /= left;
         }
-        let gain = |gain: f64| {
-            self.scatter_gain(
-                &bare,
-                &Member {
-                    effect: member.effect,
-                    values: vec![gain],
-                },
-            )
-        };
+        let unit = self.unit_scatter(&bare, member.effect);
+        let gain = |size: f64| self.scatter_gain(&bare, &unit, size);
         let Role::Curved { from, to, .. } = member.effect.parameters[0].role else {
             return member.values[0];
         };
@@ -510,11 +545,17 @@ impl Problem<'_> {
             .fold((0.0, 0.0), |sum, o| (sum.0 + o.0, sum.1 + o.1));
         // Where even the best leaves more than noise, differences count for less.
         let temper = (chi2 / f64::max(freedom, 1.0)).max(1.0);
+        let large = adequacy.excess > TOLERATED_SHARE.powi(2) * gap_chi2;
         let best = hypotheses[0].log_weight;
         let something_else = PRIOR_SOMETHING_ELSE.ln() + adequacy.log_something_else / temper;
         let nothing_known =
             PRIOR_SOMETHING_ELSE.ln() + null.log_evidence + null_adequacy.log_something_else - best;
-        let mut total = something_else.exp() + nothing_known.exp();
+        // A small misfit is the formulas': it makes nothing else probable.
+        let mut total = if large {
+            something_else.exp() + nothing_known.exp()
+        } else {
+            0.0
+        };
         for hypothesis in &mut hypotheses {
             hypothesis.probability = ((hypothesis.log_weight - best) / temper).exp();
             total += hypothesis.probability;
@@ -522,7 +563,6 @@ impl Problem<'_> {
         for hypothesis in &mut hypotheses {
             hypothesis.probability /= total;
         }
-        let large = adequacy.excess > TOLERATED_SHARE.powi(2) * gap_chi2;
         let unexplained =
             large && (adequacy.p_value < MISFIT || something_else > 3.0 || nothing_known > 0.0);
         Search {
@@ -556,6 +596,12 @@ fn from_nothing(effect: &Effect) -> bool {
         )
     };
     matches!(effect.action, Action::Moves(..)) && effect.parameters.iter().all(|p| even(p.role))
+}
+
+/// Drop of chi-square by a column that is added as it is.
+fn fixed_gain(remainder: &Remainder<'_>, column: &Column) -> f64 {
+    let (matrix, right) = remainder.normal(&[column]);
+    2.0 * right[0] - matrix[0]
 }
 
 fn best_of(fits: &[Fit]) -> Option<&Fit> {

@@ -6,7 +6,8 @@ use shared::model::NOMINAL;
 use super::dense::Cholesky;
 use super::fit::Fit;
 use super::problem::{Block, Column, Problem};
-use crate::campaign::{Run, VibrationKind};
+use super::search::Search;
+use crate::campaign::{Campaign, Run, VibrationKind};
 
 /// Root mean squares over held-out runs of measured less predicted vibration error, g.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,7 +26,8 @@ pub struct Shrink {
 
 impl Problem<'_> {
     /// Cross-validates a fit against the nominal model; `None` without runs.
-    pub fn shrink(&self, null: &Fit, fit: &Fit) -> Option<Shrink> {
+    pub(super) fn shrink(&self, campaign: &Campaign, search: &Search, fit: &Fit) -> Option<Shrink> {
+        let null = &search.null;
         let measured = |run: &&Run| run.measured.is_some();
         let mut conditions: Vec<(VibrationKind, [f64; 2], f64)> = Vec::new();
         for run in self
@@ -50,7 +52,7 @@ impl Problem<'_> {
         }
         let from_static = self.static_only()?;
         let (mut statics, mut refit, mut with, mut floor) = (0.0, 0.0, 0.0, 0.0);
-        let (mut between, mut spread) = (0.0, 0.0);
+        let mut spread = 0.0;
         for (kind, band_hz, a0_i_g) in conditions {
             let runs = self.situation.runs.iter().enumerate();
             let fold: Vec<usize> = runs
@@ -67,7 +69,6 @@ impl Problem<'_> {
             for ((a, _), (b, variance)) in nominal.iter().zip(&effects) {
                 refit += a * a;
                 with += b * b;
-                between += (a - b).powi(2);
                 spread += variance;
             }
             for &row in &fold {
@@ -84,21 +85,19 @@ impl Problem<'_> {
             }
         }
         let rms = |sum: f64| (sum / made as f64).sqrt();
-        // Noise is common to both errors: their difference shows what the effects close far better than either. What
-        // is left is the prediction's own uncertainty, and an error beyond what noise alone makes of the sum.
+        // An error beyond what noise and the prediction's own uncertainty make of the sum, and chance of it.
         let chance = 2.0 * floor * (2.0 / made as f64).sqrt();
-        let left = spread + (with - floor - spread - chance).max(0.0);
-        let closed = if fit.members.is_empty() {
-            0.0
+        let misfit_g2 = if search.unexplained {
+            (with - floor - spread - chance).max(0.0) / made as f64
         } else {
-            1.0 - (left / (between + left)).sqrt()
+            0.0
         };
         Some(Shrink {
             held_out_rms_static_only_g: rms(statics),
             held_out_rms_refit_g: rms(refit),
             held_out_rms_with_effects_g: rms(with),
             noise_floor_rms_g: rms(floor),
-            closed_fraction: closed.clamp(0.0, 1.0),
+            closed_fraction: self.expected_closing(campaign, search, fit, misfit_g2),
         })
     }
 

@@ -109,6 +109,21 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             100.0 * cause.share
         );
     }
+    if let Some(compensation) = &diagnosis.compensation {
+        for id in &compensation.carried {
+            let _ = writeln!(
+                out,
+                "on board {id}: carried by the compensation's coefficient k5 = {:.3e} 1/g^4",
+                compensation.coefficients.fifth_order_per_g4
+            );
+        }
+        for id in &compensation.not_carried {
+            let _ = writeln!(
+                out,
+                "on board {id}: the compensation has no coefficient for it, it stays uncompensated"
+            );
+        }
+    }
     for test in diagnosis.next_tests.iter().take(3) {
         let _ = writeln!(
             out,

@@ -64,7 +64,8 @@ fn sentence(diagnosis: &Diagnosis) -> String {
 fn over(
     study: &Study<'_>,
     title: &str,
-    axis: &str,
+    axis: (&str, Ticks),
+    observed: &str,
     block: Block,
     value: impl Fn(&crate::campaign::Run) -> f64,
 ) -> Plot {
@@ -90,12 +91,12 @@ fn over(
     Plot {
         title: title.into(),
         x: Axis {
-            label: axis.into(),
+            label: axis.0.into(),
             range: span(points.clone().map(|p| p.x)),
-            ticks: Ticks::Round(7),
+            ticks: axis.1,
         },
         y: Axis {
-            label: "gap / stated uncertainty".into(),
+            label: format!("{observed}, gap / uncertainty"),
             range: span(points.map(|p| p.y)),
             ticks: Ticks::Round(6),
         },
@@ -115,6 +116,37 @@ fn over(
     }
 }
 
+/// A measured quantity in words.
+fn quantity(name: &str) -> &str {
+    match name {
+        "static" => "readings on the dividing head",
+        "vibration" => "vibration error in the runs",
+        "bias" => "output at rest before the runs",
+        "recovery" => "output at rest after the runs",
+        "in-run-drift" => "drift within the runs",
+        other => other,
+    }
+}
+
+/// A condition in words, with its unit.
+fn condition(factor: &str) -> (&str, &str) {
+    match factor {
+        "frequency_hz" => ("the frequency", " Hz"),
+        "level_g" => ("the level", " g"),
+        "direction_i" => ("the part of the motion along the input axis", ""),
+        "direction_p" => ("the part of the motion along the pendulous axis", ""),
+        "direction_o" => ("the part of the motion along the output axis", ""),
+        "a0_i_g" => ("gravity along the input axis", " g"),
+        "temp_c" => ("the temperature", " \u{b0}C"),
+        "time_s" => ("the time", " s"),
+        "order" => ("the position in the order of runs", ""),
+        "dial_deg" => ("the dial angle", "\u{b0}"),
+        "series" => ("the series", ""),
+        "approach" => ("the approach (0 counter-clockwise, 1 clockwise)", ""),
+        other => (other, ""),
+    }
+}
+
 fn place(study: &Study<'_>) -> Result<Markup, Error> {
     let location = &study.diagnosis.location;
     let frequency =
@@ -123,21 +155,24 @@ fn place(study: &Study<'_>) -> Result<Markup, Error> {
         over(
             study,
             "Vibration error over frequency",
-            "log10 of the frequency / Hz",
+            ("frequency (of a band: its middle) / Hz", Ticks::Decades),
+            "vibration error",
             Block::During,
             frequency,
         ),
         over(
             study,
             "Vibration error over level",
-            "level / g",
+            ("level / g", Ticks::Round(7)),
+            "vibration error",
             Block::During,
             |run| run.level_g,
         ),
         over(
             study,
             "Bias before the runs over time",
-            "time / h",
+            ("time / h", Ticks::Round(7)),
+            "output at rest",
             Block::Before,
             |run| run.time_s / 3600.0,
         ),
@@ -155,11 +190,12 @@ fn place(study: &Study<'_>) -> Result<Markup, Error> {
         @if study.diagnosis.verdict != Verdict::NoGap {
             table {
                 thead { tr { th { "measured quantity" } th { "share of the gap" } } }
-                tbody { @for o in &location.observables { tr { td { (o.name) } td { (bar(o.share)) } } } }
+                tbody { @for o in &location.observables { tr { td { (quantity(&o.name)) } td { (bar(o.share)) } } } }
             }
             @for c in location.conditions.iter().take(4) {
-                p { (percent(c.share)) " of it lies where " b { (c.factor) } " is " (round(c.low)) " to " (round(c.high)) " ("
-                    (c.runs.len()) " of the measurements); chance alone would show such a region in " (percent(c.p_value)) " of searches." }
+                p { (percent(c.share)) " of it lies where " b { (condition(&c.factor).0) } " is " (round(c.low)) " to " (round(c.high))
+                    (condition(&c.factor).1) " (" (c.runs.len()) " of the measurements). Were the gap spread evenly, a search would come upon such a region in "
+                    (percent(c.p_value)) " of cases." }
             }
         }
         @if runs { (figure(&pictures)?) }
@@ -179,6 +215,7 @@ fn cause(diagnosis: &Diagnosis) -> Markup {
         @if diagnosis.verdict == Verdict::Unexplained {
             p { "No effect that the program knows explains the measurements; those listed come nearest and should not be believed." }
         }
+        p { "How probable each explanation is, given all measurements: one that needs more freedom to fit must fit better to be believed." }
         table {
             thead { tr { th { "explanation" } th { "probability" } } }
             tbody {
@@ -202,7 +239,7 @@ fn cause(diagnosis: &Diagnosis) -> Markup {
         }
         @if let Some(similarity) = &diagnosis.similarity {
             h3 { "How alike the explanations are" }
-            p { "1 or \u{2212}1: these measurements see the same in both; 0: they differ completely." }
+            p { "1 or \u{2212}1: these measurements see the same in both, so that a test must be found that does not; 0: they differ completely." }
             div.wide { table.matrix {
                 thead { tr { th {} @for name in &similarity.hypotheses { th { (name) } } } }
                 tbody {
@@ -245,7 +282,16 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
             thead { tr { th { "prediction" } th.number { "typical miss / 10" sup { "\u{2212}6" } " g" } } }
             tbody { @for (words, rms) in rows { tr { td { (words) } td.number { (format!("{:.2}", 1e6 * rms)) } } } }
         }
-        p { "The named effects close " b { (percent(shrink.closed_fraction)) } " of what the best coefficients leave above the noise." }
+        p { "In further runs, between those that were made, the named effects are expected to close "
+            b { (percent(shrink.closed_fraction)) } " of what the best coefficients leave above the noise." }
+        @if let Some(compensation) = &diagnosis.compensation {
+            @for id in &compensation.carried {
+                p { "The instrument's compensation can carry " b { (id) } " as a coefficient: it stands in the JSON with the others." }
+            }
+            @for id in &compensation.not_carried {
+                p { "The instrument's compensation has no coefficient for " b { (id) } ": it stays uncompensated." }
+            }
+        }
     }
 }
 
@@ -257,7 +303,8 @@ fn next(diagnosis: &Diagnosis) -> Markup {
         }
         ol {
             @for test in &diagnosis.next_tests {
-                li { (test.change) ": tells " (test.separates.join(" from ")) " with " (format!("{:.2}", test.expected_bits)) " of 1 bit." }
+                li { (test.change) ": tells " (test.separates.join(" from ")) "; it is expected to settle "
+                    (format!("{:.2}", test.expected_bits)) " bits of the question (1 bit settles an even choice between two)." }
             }
         }
     }

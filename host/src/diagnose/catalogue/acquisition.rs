@@ -10,7 +10,7 @@ use crate::diagnose::problem::{Block, Change, Situation};
 
 pub(super) const EFFECTS: &[Effect] = &[
     // A [sin(pi m u + p) - sin p] = A cos p sin(pi m u) + A sin p (cos(pi m u) - 1); its mean over a sine of
-    // amplitude w is damped by J0(pi m w), over Gaussian noise by exp(-(pi m sigma)^2/2).
+    // amplitude w is damped by about J0(pi m w), over Gaussian noise by exp(-(pi m sigma)^2/2).
     Effect {
         id: "adc-inl",
         stage: Stage::Acquisition,
@@ -26,18 +26,18 @@ pub(super) const EFFECTS: &[Effect] = &[
         })),
     },
     // At a multiple of the logger's rate every sample falls on the same phase: a constant gain w sin(phase), its
-    // phase anew in every run.
+    // phase anew in every run. What noise leaves is far less, and a scatter of all random runs would stand in for anything.
     Effect {
         id: "aliasing",
         stage: Stage::Acquisition,
         says: "a sine at a multiple of the logger's rate stands still in its samples",
         parameters: &[logarithmic("gain", 1e-7, 1e-2, 48)],
-        action: Action::Scatters(|p, run, s| {
+        action: Action::Scatters(|run, s| {
             let cycle = run.band_hz[0] / s.logger_rate_hz;
             if run.kind == VibrationKind::Random || (cycle - cycle.round()).abs() > 1e-6 {
                 return 0.0;
             }
-            0.5 * (p[0] * run.direction[0] * run.level_g).powi(2)
+            0.5 * (run.direction[0] * run.level_g).powi(2)
         }),
         report: None,
     },
@@ -45,48 +45,77 @@ pub(super) const EFFECTS: &[Effect] = &[
 
 fn inl(p: &[f64], k: usize, s: &Situation<'_>, change: &mut Change) {
     let rate = PI * p[2];
-    let error = |u: f64, damping: f64| {
-        let (sin, cos) = (rate * u).sin_cos();
+    let constant = k as f64;
+    let error = |u: f64| {
         if k == 0 {
-            damping * sin
+            (rate * u).sin()
         } else {
-            damping * cos - 1.0
+            (rate * u).cos() - constant
         }
     };
     for (row, reading) in s.readings.iter().enumerate() {
-        change.add(
-            Block::Static,
-            row,
-            error(s.coefficients.output_g(reading.specific_force_g), 1.0),
-        );
+        let u = s.coefficients.output_g(reading.specific_force_g);
+        change.add(Block::Static, row, error(u));
     }
-    let mut last: Option<(SpecificForce<f64>, f64)> = None;
+    // Runs differ in frequency more often than in attitude and level.
+    let mut known: Vec<(SpecificForce<f64>, [f64; 3], [f64; 2])> = Vec::new();
     for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
-        let u = s.coefficients.output_g(run.specific_force_g);
-        let rest = match last {
-            Some((force, value)) if force == run.specific_force_g => value,
-            _ => error(u, 1.0),
-        };
-        last = Some((run.specific_force_g, rest));
+        let (a0, amplitude_g) = (run.specific_force_g, motion.amplitude_g);
+        let same = known
+            .iter()
+            .find(|known| (known.0, known.1) == (a0, amplitude_g));
+        let same = same
+            .filter(|_| run.kind == VibrationKind::Sine)
+            .map(|known| known.2);
+        let [rest, during] = same.unwrap_or_else(|| {
+            let u = s.coefficients.output_g(a0);
+            [error(u), shaken(error, constant, rate, run, amplitude_g, s)]
+        });
+        if run.kind == VibrationKind::Sine && same.is_none() {
+            known.push((a0, amplitude_g, [rest, during]));
+        }
         change.add(Block::Before, row, rest);
         change.add(Block::After, row, rest);
-        let x = rate * motion.amplitude_g[0].abs();
-        change.add(Block::During, row, error(u, damping(run, x)));
+        change.add(Block::During, row, during);
         if run.kind == VibrationKind::Random {
             // sin of a phase spread far over a turn: half of it is scatter, over the independent values of the record.
             let independent = (run.band_hz[1] - run.band_hz[0]).max(1.0) * run.duration_s;
+            let x = rate * amplitude_g[0].abs();
             change.variance[row] +=
                 0.3 * (1.0 - (-x * x).exp()).powi(2) * (1.0 - (-0.25 * x * x).exp()) / independent;
         }
     }
 }
 
-fn damping(run: &Run, x: f64) -> f64 {
-    if x == 0.0 {
-        1.0
-    } else if run.kind == VibrationKind::Sine {
-        libm::j0(x)
-    } else {
-        (-0.5 * x * x).exp()
+/// The time mean of a periodic error, `rate` radians a g, that lacks a constant.
+fn shaken(
+    error: impl Fn(f64) -> f64,
+    constant: f64,
+    rate: f64,
+    run: &Run,
+    amplitude_g: [f64; 3],
+    s: &Situation<'_>,
+) -> f64 {
+    let a0 = run.specific_force_g;
+    let x = rate * amplitude_g[0].abs();
+    if run.kind == VibrationKind::Random || s.searching {
+        // As if the output were the specific force but for a constant.
+        let damping = match run.kind {
+            VibrationKind::Sine => libm::j0(x),
+            VibrationKind::Random => (-0.5 * x * x).exp(),
+        };
+        let u = s.coefficients.output_g(a0);
+        // What is damped is sin(rate u) and cos(rate u); the constant is not.
+        return damping * (error(u) + constant) - constant;
     }
+    // The instrument's own nonlinearity bends the sine by a good part of the error's period. An even number of phases
+    // of a whole period is exact once it exceeds the phase's excursion (Bessel functions of that order vanish).
+    let phases = (0.5 * x) as usize + 16;
+    let at = |n: usize| {
+        let w = (PI * ((n as f64 + 0.5) / phases as f64 - 0.5)).sin();
+        let [i, p, o] = amplitude_g.map(|amplitude| amplitude * w);
+        let force = SpecificForce::new(a0.i + i, a0.p + p, a0.o + o);
+        error(s.coefficients.output_g(force))
+    };
+    (0..phases).map(at).sum::<f64>() / phases as f64
 }

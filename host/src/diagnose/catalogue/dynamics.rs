@@ -2,7 +2,6 @@
 
 use super::{Action, Effect, Stage, even, linear, logarithmic};
 use crate::campaign::VibrationKind;
-use crate::diagnose::motion::band_mean;
 use crate::diagnose::problem::{Block, Situation};
 
 pub(super) const EFFECTS: &[Effect] = &[
@@ -60,6 +59,7 @@ fn filtered(
     axes: [usize; 2],
     response: impl Fn(f64) -> f64,
 ) {
+    let means = s.bands.means(response);
     for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
         let square = motion.amplitude_g[axes[0]] * motion.amplitude_g[axes[1]];
         let square = if run.kind == VibrationKind::Sine {
@@ -70,7 +70,7 @@ fn filtered(
         if square == 0.0 {
             continue;
         }
-        let mean = band_mean(run, &response);
+        let mean = means[row];
         change.add(Block::During, row, square * mean.value);
         change.variance[row] += square * square * mean.variance;
     }
@@ -78,14 +78,16 @@ fn filtered(
 
 fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose::problem::Change) {
     let (low, high) = (p[1] - p[0], p[1] + p[0]);
+    let output = |a: [f64; 3]| {
+        let force = shared::model::SpecificForce::new(a[0], a[1], a[2]);
+        s.coefficients.output_g(force)
+    };
     let lost = |a: [f64; 3]| {
         // The model's own error moves the edge of clipping; far from the edges it need not be known.
         if a[0] > low + 0.2 && a[0] < high - 0.2 {
             return 0.0;
         }
-        let u = s
-            .coefficients
-            .output_g(shared::model::SpecificForce::new(a[0], a[1], a[2]));
+        let u = output(a);
         u.clamp(low, high) - u
     };
     for (row, reading) in s.readings.iter().enumerate() {
@@ -124,7 +126,18 @@ fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose
         if a0[0] - reach > low + 0.2 && a0[0] + reach < high - 0.2 {
             continue;
         }
-        let mean = s.averages.mean(run, motion, lost);
+        // Where the output reaches its ends, by a step from where the force does: the model's error is small.
+        let edge = |end: f64| {
+            let at = |w: f64| std::array::from_fn(|axis| a0[axis] + w * motion.amplitude_g[axis]);
+            let linear = (end - a0[0]) / motion.amplitude_g[0];
+            if !linear.is_finite() || linear.abs() > 8.0 {
+                return linear;
+            }
+            (0..3).fold(linear, |w, _| {
+                w + (end - output(at(w))) / motion.amplitude_g[0]
+            })
+        };
+        let mean = s.averages.mean(run, motion, &[edge(low), edge(high)], lost);
         change.add(Block::During, row, mean.value);
         change.variance[row] += mean.variance;
         if run.kind == VibrationKind::Sine {

@@ -115,10 +115,10 @@ pub enum Action {
     /// Adds to the observations: per unit of the linear parameter number `k`, at the others' values; with no linear
     /// parameter, all that it adds.
     Adds(fn(&[f64], usize, &Situation<'_>, &mut Change)),
-    /// Changes the instrument's motion in a run; whether the reference sees it.
-    Moves(fn(&[f64], &Run, &Situation<'_>, &mut Motion), Seen),
-    /// Scatters a run's `during`: the variance in g^2.
-    Scatters(fn(&[f64], &Run, &Situation<'_>) -> f64),
+    /// Changes the instrument's motion in each run; whether the reference sees it.
+    Moves(fn(&[f64], &Situation<'_>, &mut [Motion]), Seen),
+    /// Scatters a run's `during`: the variance in g^2 when the effect's one parameter, a size, is 1.
+    Scatters(fn(&Run, &Situation<'_>) -> f64),
 }
 
 /// Whether the reference accelerometer sees a changed motion.

@@ -1,8 +1,8 @@
 //! Between the shaker's table and the instrument.
 
 use super::{Action, Effect, Seen, Stage, logarithmic};
-use crate::campaign::{Run, VibrationKind};
-use crate::diagnose::motion::{Motion, band_mean};
+use crate::campaign::VibrationKind;
+use crate::diagnose::motion::Motion;
 use crate::diagnose::problem::Situation;
 
 pub(super) const EFFECTS: &[Effect] = &[
@@ -20,20 +20,23 @@ pub(super) const EFFECTS: &[Effect] = &[
     },
 ];
 
-fn resonate(p: &[f64], run: &Run, _: &Situation<'_>, motion: &mut Motion) {
+fn resonate(p: &[f64], s: &Situation<'_>, motions: &mut [Motion]) {
     let power = |f: f64| {
         let r = f / p[0];
         let damping = (r / p[1]).powi(2);
         (1.0 + damping) / ((1.0 - r * r).powi(2) + damping)
     };
-    let mean = band_mean(run, power);
-    motion.scale(mean.value.sqrt());
-    if run.kind == VibrationKind::Random {
-        motion.power_variance += mean.variance / mean.value.powi(2);
-        // What is left of the record's own shape: its correlation with the filtered record, to the moment's order.
-        let amplitude = band_mean(run, |f| power(f).sqrt()).value;
-        let correlation = (amplitude * amplitude / mean.value).min(1.0).sqrt();
-        motion.shape[0] *= correlation.powi(3);
-        motion.shape[1] = 3.0 + (motion.shape[1] - 3.0) * correlation.powi(4);
+    let powers = s.bands.means(power);
+    let amplitudes = s.bands.means(|f| power(f).sqrt());
+    for (row, (run, motion)) in s.runs.iter().zip(motions).enumerate() {
+        let mean = powers[row];
+        motion.scale(mean.value.sqrt());
+        if run.kind == VibrationKind::Random {
+            motion.power_variance += mean.variance / mean.value.powi(2);
+            // What is left of the record's own shape: its correlation with the filtered record, to the moment's order.
+            let correlation = (amplitudes[row].value.powi(2) / mean.value).min(1.0).sqrt();
+            motion.shape[0] *= correlation.powi(3);
+            motion.shape[1] = 3.0 + (motion.shape[1] - 3.0) * correlation.powi(4);
+        }
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{Action, Effect, Seen, Stage, even, linear};
 use crate::campaign::VibrationKind;
-use crate::diagnose::motion::{band_mean, main_axis};
-use crate::diagnose::problem::{Block, seen_ratios};
+use crate::diagnose::motion::{Motion, main_axis};
+use crate::diagnose::problem::{Block, Situation, seen_ratios};
 
 /// Second harmonic from which on a random record's power is taken as the reference saw it.
 const LEAST_HARMONIC: f64 = 1e-3;
@@ -19,10 +19,12 @@ pub(super) const EFFECTS: &[Effect] = &[
             even("ratio_previous", -1.0, 1.0, 5),
         ],
         action: Action::Moves(
-            |p, run, _, motion| {
-                let main = main_axis(&run.direction);
-                motion.amplitude_g[(main + 1) % 3] += p[0] * run.level_g;
-                motion.amplitude_g[(main + 2) % 3] += p[1] * run.level_g;
+            |p, s, motions| {
+                for (run, motion) in s.runs.iter().zip(motions) {
+                    let main = main_axis(&run.direction);
+                    motion.amplitude_g[(main + 1) % 3] += p[0] * run.level_g;
+                    motion.amplitude_g[(main + 2) % 3] += p[1] * run.level_g;
+                }
             },
             Seen::ByReference,
         ),
@@ -35,23 +37,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Shaker,
         says: "the drive is distorted: not a pure sine, not symmetric noise",
         parameters: &[even("h2", -0.3, 0.3, 5)],
-        action: Action::Moves(
-            |p, run, s, motion| {
-                if run.kind == VibrationKind::Sine {
-                    motion.second_harmonic = p[0];
-                    // The power that the waveform gains by itself, 1 + h2^2, against what was seen.
-                    motion.scale(((1.0 + s.power_excess) / (1.0 + p[0] * p[0])).sqrt());
-                } else if let Some(seen) = seen_ratios(run) {
-                    // The power that a record gains depends on its own skewness: only the reference knows it.
-                    // Without a harmonic the table follows its command.
-                    let main = main_axis(&run.direction);
-                    let share = -(-(p[0] / LEAST_HARMONIC).powi(2)).exp_m1();
-                    motion.scale(1.0 + share * (seen[main] / run.direction[main] - 1.0));
-                    motion.power_variance += (2.0 * share * s.reference_rel_sigma).powi(2);
-                }
-            },
-            Seen::ByReference,
-        ),
+        action: Action::Moves(distort, Seen::ByReference),
         report: None,
     },
     // The table swings about a point some way off with a rate in proportion to its velocity, w/(2 pi f); the
@@ -62,9 +48,9 @@ pub(super) const EFFECTS: &[Effect] = &[
         says: "the table rocks, and the centripetal acceleration of that does not average out",
         parameters: &[linear("r_per_g_hz2", 0.1)],
         action: Action::Adds(|_, _, s, change| {
-            for (row, run) in s.runs.iter().enumerate() {
+            let means = s.bands.means(|f| 1.0 / (f * f));
+            for (row, (run, mean)) in s.runs.iter().zip(means).enumerate() {
                 let power = power_g2(run);
-                let mean = band_mean(run, |f| 1.0 / (f * f));
                 change.add(Block::During, row, power * mean.value);
                 change.variance[row] += power * power * mean.variance;
             }
@@ -77,7 +63,11 @@ pub(super) const EFFECTS: &[Effect] = &[
         says: "the vibration is larger or smaller than command and reference say",
         parameters: &[even("eps", -0.3, 0.3, 3)],
         action: Action::Moves(
-            |p, _, _, motion| motion.scale(1.0 + p[0]),
+            |p, _, motions| {
+                motions
+                    .iter_mut()
+                    .for_each(|motion| motion.scale(1.0 + p[0]))
+            },
             Seen::ByInstrumentAlone,
         ),
         report: None,
@@ -95,6 +85,24 @@ pub(super) const EFFECTS: &[Effect] = &[
         report: None,
     },
 ];
+
+fn distort(p: &[f64], s: &Situation<'_>, motions: &mut [Motion]) {
+    let h2 = p[0];
+    for (run, motion) in s.runs.iter().zip(motions) {
+        if run.kind == VibrationKind::Sine {
+            motion.second_harmonic = h2;
+            // The power that the waveform gains by itself, 1 + h2^2, against what was seen.
+            motion.scale(((1.0 + s.power_excess) / (1.0 + h2 * h2)).sqrt());
+        } else if let Some(seen) = seen_ratios(run) {
+            // The power that a record gains depends on its own skewness: only the reference knows it.
+            // Without a harmonic the table follows its command.
+            let main = main_axis(&run.direction);
+            let share = -(-(h2 / LEAST_HARMONIC).powi(2)).exp_m1();
+            motion.scale(1.0 + share * (seen[main] / run.direction[main] - 1.0));
+            motion.power_variance += (2.0 * share * s.reference_rel_sigma).powi(2);
+        }
+    }
+}
 
 /// Mean square of the commanded motion, all axes together, g^2.
 fn power_g2(run: &crate::campaign::Run) -> f64 {

@@ -71,7 +71,9 @@ fn term(s: &Situation<'_>, change: &mut Change, function: impl Fn([f64; 3]) -> f
         let at_rest = function(a0);
         change.add(Block::Before, row, at_rest);
         change.add(Block::After, row, at_rest);
-        let mean = s.averages.mean(run, motion, &function);
+        let mean = s
+            .averages
+            .mean(run, motion, &[motion.zero(a0[0])], &function);
         change.add(Block::During, row, mean.value);
         change.variance[row] += mean.variance;
         if run.kind == VibrationKind::Sine {
