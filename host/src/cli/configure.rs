@@ -1,7 +1,7 @@
 //! `vre configure`
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -72,7 +72,7 @@ struct Shown {
 }
 
 impl Configure {
-    fn wanted(&self, campaign: &PathBuf) -> Result<Configuration, Error> {
+    fn wanted(&self, campaign: &Path) -> Result<Configuration, Error> {
         let campaign = Campaign::read(campaign)?;
         let found = identification::identify(&campaign, Method::LeastSquares, None)?;
         let front_end = FrontEnd {
@@ -100,7 +100,7 @@ impl Configure {
 impl Command for Configure {
     fn run(self, console: &Console) -> Result<(), Error> {
         // The campaign first: a bad one must not touch the instrument.
-        let wanted = self.campaign.as_ref().map(|c| self.wanted(c)).transpose()?;
+        let wanted = self.campaign.as_deref().map(|c| self.wanted(c)).transpose()?;
         let mut link = Link::unrecorded(SerialSource::open(&self.port)?)?;
         let kept = match (wanted, self.erase) {
             (None, false) => link.ask_configuration()?,
