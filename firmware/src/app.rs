@@ -7,7 +7,7 @@
 
 use heapless::Deque;
 use shared::compensate::Compensator;
-use shared::self_check::Outcome;
+use shared::self_check::{Outcome, Verdicts};
 use shared::wire::configuration::Configuration;
 use shared::wire::framing::{Deframer, Frame, FrameError};
 use shared::wire::message::{
@@ -73,6 +73,8 @@ pub struct App<'q> {
     check: Option<Check<'q>>,
     /// Number of the command that ends the open reading.
     closing: Option<u16>,
+    /// What the last self-check found, until it is fetched.
+    concluded: Option<Verdicts>,
 }
 
 impl<'q> App<'q> {
@@ -94,6 +96,7 @@ impl<'q> App<'q> {
             dropped_replies: 0,
             check: None,
             closing: None,
+            concluded: None,
         }
     }
 
@@ -158,6 +161,11 @@ impl<'q> App<'q> {
     /// The coefficients that the host has set or the memory held.
     pub fn coefficients(&self) -> Option<&Coefficients> {
         self.coefficients.as_ref()
+    }
+
+    /// What a self-check found that ended since the last call; its figures go over the link.
+    pub fn concluded(&mut self) -> Option<Verdicts> {
+        self.concluded.take()
     }
 
     /// Takes bytes from the line, in pieces of any length.
@@ -380,6 +388,7 @@ impl<'q> App<'q> {
             }
             Command::Conclude => {
                 if let Some(outcome) = self.outcome() {
+                    self.concluded = Some(outcome.verdicts);
                     self.reply(Event::Check(outcome));
                 }
             }

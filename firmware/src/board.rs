@@ -41,7 +41,7 @@ use firmware::check::Check;
 use firmware::link::Queues;
 use firmware::sampler::{Acquisition, Sampler};
 use shared::identify::static_test::workspace_len;
-use shared::self_check::{MARKS, MOUNTS, SelfCheck, SetUp};
+use shared::self_check::{MARKS, MOUNTS, SelfCheck, SetUp, Verdicts};
 use shared::wire::framing::Frame;
 use shared::wire::message::Identity;
 use shared::wire::version;
@@ -258,6 +258,9 @@ async fn converse(
         if let Poll::Ready(Ok(count)) = poll_once(receiver.read(&mut bytes)) {
             app.receive(bytes.get(..count).unwrap_or(&[]));
         }
+        if let Some(verdicts) = app.concluded() {
+            tell(verdicts);
+        }
         if let Some(keep) = app.keep() {
             memory::KEEP.signal(keep);
         }
@@ -272,6 +275,16 @@ async fn converse(
         {
             app.receive(bytes.get(..count).unwrap_or(&[]));
         }
+    }
+}
+
+/// Logs what a self-check found.
+fn tell(verdicts: Verdicts) {
+    if verdicts.passed() {
+        defmt::info!("self-check: passed");
+    }
+    for verdict in verdicts.iter() {
+        defmt::warn!("self-check: {}", verdict.name());
     }
 }
 

@@ -26,7 +26,7 @@ pub struct SerialSource {
 }
 
 impl SerialSource {
-    /// Opens a port at [`BAUD`], eight bits without parity, and throws away what came before.
+    /// Opens a port at 921 600 baud, eight bits without parity, and throws away what came before.
     ///
     /// # Errors
     /// [`Error::Usage`], since it is the port that was asked for.
