@@ -201,6 +201,10 @@ pub fn on_edge() {
 fn DMA2_STREAM0() {
     let sound = !pac::DMA2.isr(0).read().teif(STREAM_IN);
     pac::GPIOE.bsrr().write(|w| w.0 = SELECT);
+    if !sound {
+        // The other stream may still be waiting for its turn.
+        pac::DMA2.st(STREAM_OUT).cr().write_value(Cr(0));
+    }
     pac::DMA2.ifcr(0).write_value(FLAGS);
     let what = UNDER_WAY.swap(NOTHING, Ordering::AcqRel);
     if what == EXCHANGE {
