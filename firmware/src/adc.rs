@@ -423,12 +423,7 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
     }
 
     async fn exchange(&mut self, command: Command) -> Result<Response, Error> {
-        let frame = if command == Command::Null {
-            frame::NULL
-        } else {
-            command.frame()
-        };
-        Ok(open(self.bus.exchange(&frame).await)?)
+        Ok(open(self.bus.exchange(&command.frame()).await)?)
     }
 
     async fn transfer(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], Error> {

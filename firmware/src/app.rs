@@ -460,7 +460,7 @@ impl<'q> App<'q> {
 }
 
 /// Volts of one code of each channel.
-pub fn v_per_code(identity: &Identity) -> [f64; CHANNELS] {
+fn v_per_code(identity: &Identity) -> [f64; CHANNELS] {
     let gains = identity.gains;
     gains.map(|gain| identity.reference_v / f64::from(gain) / HALF_RANGE)
 }
