@@ -15,7 +15,6 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::bench::excitation::FrontEnd;
 use crate::campaign::{self, Campaign};
 use crate::error::Error;
-use crate::prediction::VibrationRow;
 use crate::quantity::Quantity;
 
 /// Names of the coefficients with their units, in the order of [`Coefficients::to_nominal`].
@@ -115,7 +114,7 @@ pub fn identify(
 ) -> Result<Identification, Error> {
     match method {
         Method::LeastSquares => {
-            let fit = fit(campaign, &[], prior_sigma)?;
+            let fit = fit(campaign, prior_sigma)?;
             Ok(Identification::new(campaign, method, &fit, prior_sigma))
         }
         Method::ClosedForm if prior_sigma.is_some() => Err(Error::Usage(
@@ -197,16 +196,12 @@ impl Identification {
     }
 }
 
-/// Fits the nominal model to the static readings and the given vibration rows together, in two passes: about the
-/// type's nominal scale factor, then about what the first pass found.
+/// Fits the nominal model to the static readings in two passes: about the type's nominal scale factor, then about what the
+/// first pass found.
 ///
 /// # Errors
 /// Fewer readings than coefficients of the model.
-pub fn fit(
-    campaign: &Campaign,
-    vibration: &[VibrationRow],
-    prior_sigma: Option<f64>,
-) -> Result<Fit<f64>, Error> {
+pub fn fit(campaign: &Campaign, prior_sigma: Option<f64>) -> Result<Fit<f64>, Error> {
     let readings = &campaign.readings;
     if readings.len() < NOMINAL {
         return Err(Error::Usage(format!(
@@ -240,9 +235,6 @@ pub fn fit(
                 output_v: r.output_v,
                 sigma_v: r.sigma_v,
             })?;
-        }
-        for row in vibration {
-            test.absorb_vibration(&row.sensitivity, row.difference_v, row.sigma_v)?;
         }
         let fit = test
             .solve(prior_sigma.as_ref())

@@ -11,6 +11,7 @@ use shared::rectification::Sensitivity;
 use shared::vibration::{Harmonic, Moments};
 
 use crate::campaign::{Campaign, Run, VibrationKind};
+use crate::diagnose::predict_refitted;
 use crate::error::Error;
 use crate::finite_record::unseen_variance_g2;
 use crate::identification::{fit, p_value};
@@ -19,17 +20,6 @@ use crate::quantity::Quantity;
 /// Standard deviation about zero that a prediction takes for each coefficient but K1 (in its own unit) when the static
 /// plan leaves some of them undetermined: about the root mean square of k1', k2, k3 and k4 in the paper's Table 1.
 pub const DEFAULT_PRIOR_SIGMA: f64 = 5e-4;
-
-/// A measured vibration error as an equation for the coefficients.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VibrationRow {
-    /// Derivatives of the vibration error by the coefficients.
-    pub sensitivity: Sensitivity<f64>,
-    /// Mean output during vibration less that before, V.
-    pub difference_v: f64,
-    /// Its standard uncertainty, V.
-    pub sigma_v: f64,
-}
 
 /// Predictions for the runs of a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -54,7 +44,7 @@ pub struct PredictedRun {
     pub run: u64,
     /// From the coefficients of the static test alone.
     pub vre_g: Quantity,
-    /// From the nominal model fitted to static test and shaker runs together; absent without shaker runs.
+    /// From the nominal model fitted to all readings and plateaus together; absent without shaker runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refit_vre_g: Option<Quantity>,
     /// From the same fit with diagnosed effects.
@@ -75,31 +65,32 @@ pub fn predict(
     runs: &[Run],
     prior_sigma: Option<f64>,
 ) -> Result<Prediction, Error> {
-    let bare = fit(campaign, &[], prior_sigma)?;
+    let bare = fit(campaign, prior_sigma)?;
     let blind = !bare.visibility.blind_directions().is_empty();
     let prior_sigma = prior_sigma.or(blind.then_some(DEFAULT_PRIOR_SIGMA));
     let from_static = if blind {
-        fit(campaign, &[], prior_sigma)?
+        fit(campaign, prior_sigma)?
     } else {
         bare
     };
-    let rows: Vec<_> = campaign
-        .runs
-        .iter()
-        .filter_map(|run| vibration_row(run, &from_static.coefficients))
-        .collect();
-    let refit = if rows.is_empty() {
-        None
+    let refitted = if campaign.runs.iter().any(|run| run.measured.is_some()) {
+        predict_refitted(campaign, runs, prior_sigma)?
+            .into_iter()
+            .map(Some)
+            .collect()
     } else {
-        Some(fit(campaign, &rows, prior_sigma)?)
+        vec![None; runs.len()]
     };
-    let predicted = runs.iter().map(|run| PredictedRun {
-        run: run.run,
-        vre_g: predicted_vre_g(run, &from_static),
-        refit_vre_g: refit.as_ref().map(|refit| predicted_vre_g(run, refit)),
-        with_effects_vre_g: None,
-        measured_vre_g: measured_vre_g(run, &from_static.coefficients),
-    });
+    let predicted = runs
+        .iter()
+        .zip(refitted)
+        .map(|(run, refit_vre_g)| PredictedRun {
+            run: run.run,
+            vre_g: predicted_vre_g(run, &from_static),
+            refit_vre_g,
+            with_effects_vre_g: None,
+            measured_vre_g: measured_vre_g(run, &from_static.coefficients),
+        });
     Ok(Prediction {
         static_chi2_p_value: p_value(&from_static),
         format: "vre-prediction/1",
@@ -156,15 +147,4 @@ pub fn moments(run: &Run) -> Moments<f64> {
             Moments::near_gaussian(rms, [sign(i, p), sign(i, o), sign(p, o)], skew, kurt)
         }
     }
-}
-
-fn vibration_row(run: &Run, coefficients: &Coefficients<f64>) -> Option<VibrationRow> {
-    let measured = run.measured?;
-    let k1 = coefficients.scale_factor_v_per_g;
-    let variance = 2.0 * measured.sigma_v.powi(2) + k1 * k1 * unseen_variance_g2(run, coefficients);
-    Some(VibrationRow {
-        sensitivity: sensitivity(run),
-        difference_v: measured.during_v - measured.before_v,
-        sigma_v: variance.sqrt(),
-    })
 }

@@ -50,7 +50,7 @@ impl Command for Predict {
         let mut prediction = predict(&campaign, runs, self.prior_sigma)?;
         if let Some(file) = &self.diagnosis {
             let diagnosis = Diagnosis::read(file)?;
-            let with_effects = predict_with_effects(&campaign, &diagnosis, runs)?;
+            let with_effects = predict_with_effects(&campaign, &diagnosis, runs, prediction.prior_sigma)?;
             for (run, quantity) in prediction.runs.iter_mut().zip(with_effects) {
                 run.with_effects_vre_g = Some(quantity);
             }

@@ -49,6 +49,13 @@ impl Cholesky {
         }
     }
 
+    /// L x, in place: of standard normal numbers, ones with the matrix as their covariance.
+    pub fn times(&self, x: &mut [f64]) {
+        for (i, row) in self.lower.chunks_exact(self.order.max(1)).enumerate().rev() {
+            x[i] = inner_product(&row[..=i], &x[..=i]);
+        }
+    }
+
     /// Logarithm of the determinant.
     pub fn log_determinant(&self) -> f64 {
         (0..self.order)

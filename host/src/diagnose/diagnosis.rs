@@ -28,8 +28,6 @@ const UNEXPLAINED_REST: f64 = 0.1;
 
 /// Standard deviation, as a part of its range, from which on a parameter is followed over all of that.
 const WIDE: f64 = 0.1;
-/// Closed fraction above which the best hypothesis serves predictions though it does not explain everything.
-const TRUSTED_IF_UNEXPLAINED: f64 = 0.9;
 
 /// In a word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -187,14 +185,9 @@ impl Diagnosis {
 
     /// The most probable effects with their parameters, as far as adding them makes predictions better.
     pub fn members(&self) -> Vec<Member> {
-        let least = if self.verdict == Verdict::Unexplained {
-            TRUSTED_IF_UNEXPLAINED
-        } else {
-            0.0
-        };
         let helps = self
             .shrink
-            .is_none_or(|shrink| shrink.closed_fraction > least);
+            .is_none_or(|shrink| shrink.closed_fraction > 0.0);
         let best = self.which.first().filter(|_| helps);
         let effects = best
             .into_iter()

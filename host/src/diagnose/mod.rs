@@ -29,5 +29,5 @@ pub mod visibility;
 
 pub use compensation::Compensation;
 pub use diagnosis::{Diagnosis, Study, Verdict, diagnose};
-pub use forecast::predict_with_effects;
+pub use forecast::{predict_refitted, predict_with_effects};
 pub use text::{headline, text};

@@ -283,6 +283,15 @@ impl<'c> Problem<'c> {
         problem
     }
 
+    /// Takes every coefficient but K1 as zero with this standard deviation, in its own unit.
+    pub(super) fn believe(&mut self, sigma: f64) {
+        for k in 1..NOMINAL {
+            let precision = sigma.powi(-2);
+            self.still.matrix[k * NOMINAL + k] += precision - self.prior_precision[k];
+            self.prior_precision[k] = precision;
+        }
+    }
+
     /// Normal equations of the prior alone; K1's is about 1, in units of the scale factor.
     fn prior(&self) -> Normal {
         let mut prior = Normal {

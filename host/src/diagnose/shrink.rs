@@ -20,8 +20,12 @@ pub struct Shrink {
     pub held_out_rms_with_effects_g: f64,
     /// What the noise of the plateaus and the finite records would leave of a perfect prediction.
     pub noise_floor_rms_g: f64,
-    /// What the effects close of what the refit leaves above the floor.
+    /// What the effects close of what the refit leaves above the floor on runs that nobody has made, 0 to 1; 0 where they
+    /// are not used in predictions, which they would make no better.
     pub closed_fraction: f64,
+    /// The central 90 % of what it may be.
+    #[serde(default)]
+    pub closed_fraction_interval_90: [f64; 2],
 }
 
 impl Problem<'_> {
@@ -52,7 +56,6 @@ impl Problem<'_> {
         }
         let from_static = self.static_only()?;
         let (mut statics, mut refit, mut with, mut floor) = (0.0, 0.0, 0.0, 0.0);
-        let mut spread = 0.0;
         for (kind, band_hz, a0_i_g) in conditions {
             let runs = self.situation.runs.iter().enumerate();
             let fold: Vec<usize> = runs
@@ -66,11 +69,8 @@ impl Problem<'_> {
                 .collect();
             let nominal = self.held_out(null, &fold)?;
             let effects = self.held_out(fit, &fold)?;
-            for ((a, _), (b, variance)) in nominal.iter().zip(&effects) {
-                refit += a * a;
-                with += b * b;
-                spread += variance;
-            }
+            refit += nominal.iter().map(|error| error * error).sum::<f64>();
+            with += effects.iter().map(|error| error * error).sum::<f64>();
             for &row in &fold {
                 let [during, before] =
                     [Block::During, Block::Before].map(|block| self.range(block).start + row);
@@ -85,19 +85,14 @@ impl Problem<'_> {
             }
         }
         let rms = |sum: f64| (sum / made as f64).sqrt();
-        // An error beyond what noise and the prediction's own uncertainty make of the sum, and chance of it.
-        let chance = 2.0 * floor * (2.0 / made as f64).sqrt();
-        let misfit_g2 = if search.unexplained {
-            (with - floor - spread - chance).max(0.0) / made as f64
-        } else {
-            0.0
-        };
+        let closing = self.expected_closing(campaign, search, fit);
         Some(Shrink {
             held_out_rms_static_only_g: rms(statics),
             held_out_rms_refit_g: rms(refit),
             held_out_rms_with_effects_g: rms(with),
             noise_floor_rms_g: rms(floor),
-            closed_fraction: self.expected_closing(campaign, search, fit, misfit_g2),
+            closed_fraction: closing.fraction,
+            closed_fraction_interval_90: closing.interval,
         })
     }
 
@@ -108,9 +103,9 @@ impl Problem<'_> {
         column.values[during] / self.weights[during] - column.values[before] / self.weights[before]
     }
 
-    /// Of each run left out the error of its predicted vibration error (g) and the prediction's variance (g^2): the
-    /// normal equations of the fit less those runs' rows, linear about the fit.
-    fn held_out(&self, fit: &Fit, fold: &[usize]) -> Option<Vec<(f64, f64)>> {
+    /// Of each run left out the error of its predicted vibration error, g: the normal equations of the fit less those
+    /// runs' rows, linear about the fit.
+    fn held_out(&self, fit: &Fit, fold: &[usize]) -> Option<Vec<f64>> {
         let n = fit.columns.len();
         let mut matrix = Cholesky::new(fit.covariance.clone(), n)?.inverse();
         let mut right = vec![0.0; n];
@@ -144,12 +139,10 @@ impl Problem<'_> {
         for &run in fold {
             let [during, before] =
                 [Block::During, Block::Before].map(|block| self.range(block).start + run);
-            let mut x: Vec<f64> = fit.columns.iter().map(|c| self.vre_row(c, run)).collect();
+            let x = fit.columns.iter().map(|c| self.vre_row(c, run));
             let residual = fit.residuals[during] / (self.weights[during] * fit.trust[run].sqrt())
                 - fit.residuals[before] / self.weights[before];
-            let error = residual - x.iter().zip(&right).map(|(x, d)| x * d).sum::<f64>();
-            factor.forward(&mut x);
-            errors.push((error, x.iter().map(|x| x * x).sum::<f64>()));
+            errors.push(residual - x.zip(&right).map(|(x, d)| x * d).sum::<f64>());
         }
         Some(errors)
     }

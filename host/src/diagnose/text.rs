@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::catalogue;
 use super::diagnosis::{Diagnosis, Verdict};
+use super::shrink::Shrink;
 use crate::quantity::Quantity;
 
 /// A diagnosis in a screenful.
@@ -93,12 +94,12 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     if let Some(shrink) = &diagnosis.shrink {
         let _ = writeln!(
             out,
-            "shrink   held-out runs miss by {:.2} (static test), {:.2} (refitted), {:.2} (with effects) microg; noise {:.2}; closed {:.0} %",
+            "shrink   held-out runs miss by {:.2} (static test), {:.2} (refitted), {:.2} (with effects) microg; noise {:.2}; {}",
             1e6 * shrink.held_out_rms_static_only_g,
             1e6 * shrink.held_out_rms_refit_g,
             1e6 * shrink.held_out_rms_with_effects_g,
             1e6 * shrink.noise_floor_rms_g,
-            100.0 * shrink.closed_fraction
+            closed(diagnosis, shrink)
         );
     }
     if let Some(cause) = &diagnosis.identification {
@@ -135,6 +136,21 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         let _ = writeln!(out, "not seen {note}");
     }
     out
+}
+
+/// What effects close on new runs, in words.
+fn closed(diagnosis: &Diagnosis, shrink: &Shrink) -> String {
+    let [low, high] = shrink.closed_fraction_interval_90.map(|part| 100.0 * part);
+    if diagnosis.which[0].effects.is_empty() {
+        return "no effect to close it".into();
+    }
+    if shrink.closed_fraction == 0.0 {
+        return "closed 0 %: predictions are no better with effects, and made without".into();
+    }
+    format!(
+        "closed {:.0} % ({low:.0} to {high:.0} %)",
+        100.0 * shrink.closed_fraction
+    )
 }
 
 /// The verdict as a sentence.

@@ -260,6 +260,8 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
     let Some(shrink) = &diagnosis.shrink else {
         return html! {};
     };
+    let [low, high] = shrink.closed_fraction_interval_90;
+    let named = !diagnosis.which[0].effects.is_empty();
     let rows = [
         (
             "coefficients of the static test",
@@ -282,8 +284,13 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
             thead { tr { th { "prediction" } th.number { "typical miss / 10" sup { "\u{2212}6" } " g" } } }
             tbody { @for (words, rms) in rows { tr { td { (words) } td.number { (format!("{:.2}", 1e6 * rms)) } } } }
         }
-        p { "In further runs, between those that were made, the named effects are expected to close "
-            b { (percent(shrink.closed_fraction)) } " of what the best coefficients leave above the noise." }
+        @if shrink.closed_fraction > 0.0 {
+            p { "In further runs, between those that were made, the named effects are expected to close "
+                b { (percent(shrink.closed_fraction)) } " (in nine of ten cases " (percent(low)) " to " (percent(high))
+                ") of what the best coefficients leave above the noise." }
+        } @else if named {
+            p { "They would make predictions of further runs no better, so those are made without them." }
+        }
         @if let Some(compensation) = &diagnosis.compensation {
             @for id in &compensation.carried {
                 p { "The instrument's compensation can carry " b { (id) } " as a coefficient: it stands in the JSON with the others." }

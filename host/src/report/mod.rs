@@ -82,7 +82,7 @@ impl<'c> Report<'c> {
     pub fn new(campaign: &'c Campaign) -> Result<Self, Error> {
         let identification = identify(campaign, Method::LeastSquares, None)?;
         let prediction = predict(campaign, &campaign.runs, None)?;
-        let fit = fit(campaign, &[], prediction.prior_sigma)?;
+        let fit = fit(campaign, prediction.prior_sigma)?;
         let direction = Direction::new(&identification, &fit, prediction.prior_sigma);
         let outlook = Outlook::new(campaign, &identification, &fit)?;
         let mut report = Self {

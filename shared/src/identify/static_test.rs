@@ -19,7 +19,6 @@ use serde::{Deserialize, Serialize};
 use crate::identify::blindness::{Design, Visibility};
 use crate::identify::square_root::{FactorError, TriangularFactor, storage_len};
 use crate::model::{Coefficients, NOMINAL, SpecificForce, terms};
-use crate::rectification::Sensitivity;
 use crate::scalar::Real;
 use crate::tumble::{Position, Series, within_a_turn};
 
@@ -253,32 +252,6 @@ impl<'a, T: Real> StaticTest<'a, T> {
         self.common.absorb(self.row);
         self.design
             .absorb(position.series.specific_force(T::lit(position.phi_rad())));
-        self.readings += 1;
-        Ok(())
-    }
-
-    /// Absorbs a measured vibration error: the difference of two mean outputs, during vibration and before it (V),
-    /// with the standard uncertainty of that difference (V), under a vibration of this sensitivity.
-    ///
-    /// # Errors
-    /// [`StaticTestError::BadReading`].
-    pub fn absorb_vibration(
-        &mut self,
-        sensitivity: &Sensitivity<T>,
-        difference_v: T,
-        sigma_v: T,
-    ) -> Result<(), StaticTestError> {
-        if !difference_v.is_finite() || !sigma_v.is_finite() || sigma_v <= T::zero() {
-            return Err(StaticTestError::BadReading);
-        }
-        let first = self.mount_capacity + TILTS;
-        self.row.fill(T::zero());
-        for (r, s) in self.row[first..].iter_mut().zip(sensitivity.nominal) {
-            *r = s / sigma_v;
-        }
-        let last = self.row.len() - 1;
-        self.row[last] = difference_v / sigma_v;
-        self.common.absorb(self.row);
         self.readings += 1;
         Ok(())
     }
