@@ -8,7 +8,7 @@ use shared::model::NOMINAL;
 
 use super::catalogue::{self, Effect, Role, Stage};
 use super::compensation::Compensation;
-use super::fit::{Fit, Member, outer, range};
+use super::fit::{Fit, Member, range, settings};
 use super::locate::{Condition, ObservableShare};
 use super::next_test::NextTest;
 use super::problem::{Block, Problem};
@@ -542,40 +542,48 @@ impl Problem<'_> {
         4_usize.saturating_sub(distinct.len())
     }
 
-    /// Mean and standard deviation of a parameter over its range, by the likelihood at its steps. One that goes by steps
+    /// Mean and standard deviation of a parameter over its range, by the likelihood at parts of it. One that goes by steps
     /// is made up for by the effect's first curved parameter, which takes its best value at each.
     fn over_its_range(&self, fit: &Fit, m: usize, k: usize) -> (f64, f64) {
         let member = &fit.members[m];
         let role = member.effect.parameters[k].role;
-        let Some((from, to)) = range(role) else {
-            return (member.values[k], 0.0);
-        };
-        let stepped = matches!(role, Role::Stepped { .. });
-        let fine = if stepped { 80 } else { 24 };
-        let step = (to - from) / f64::from(fine);
-        let other = member.effect.linear();
-        let mut others = vec![member.values[other]];
-        if stepped && matches!(member.effect.parameters[other].role, Role::Curved { .. }) {
-            others.extend(super::fit::starts(member.effect.parameters[other].role));
-        }
         let weighing = self.weighing(fit.trust.clone());
-        let scores: Vec<(f64, f64)> = (0..fine)
-            .map(|n| {
-                let value = outer(role, from + (f64::from(n) + 0.5) * step);
-                let mut members = fit.members.clone();
+        let score = |changes: &[(usize, f64)]| {
+            let mut members = fit.members.clone();
+            for &(k, value) in changes {
                 members[m].values[k] = value;
-                let objectives = others.iter().map(|&setting| {
-                    if other != k {
-                        members[m].values[other] = setting;
+            }
+            self.profile(&members, &weighing)
+        };
+        let parts: Vec<Part> = match role {
+            Role::Linear { .. } => return (member.values[k], 0.0),
+            Role::Curved { .. } => {
+                let part = |value: f64| Part {
+                    value,
+                    width: 0.0,
+                    weight: 1.0,
+                    score: score(&[(k, value)]),
+                };
+                settings(role, 24).into_iter().map(part).collect()
+            }
+            Role::Stepped { from, to, .. } => {
+                let along = member.effect.linear();
+                let mut others = settings(member.effect.parameters[along].role, 20);
+                others.push(member.values[along]);
+                let part = |(low, high): (f64, f64)| {
+                    let value = 0.5 * (low + high);
+                    let scores = others.iter().map(|&o| score(&[(along, o), (k, value)]));
+                    Part {
+                        value,
+                        width: high - low,
+                        weight: high - low,
+                        score: scores.fold(f64::INFINITY, f64::min),
                     }
-                    self.profile(&members, &weighing)
-                });
-                (value, objectives.fold(f64::INFINITY, f64::min))
-            })
-            .collect();
-        // Between two steps nothing is known.
-        let least = if stepped { step * step / 3.0 } else { 0.0 };
-        moments(&scores, least)
+                };
+                self.steps(from, to).into_iter().map(part).collect()
+            }
+        };
+        moments(&parts)
     }
 
     /// Size of a scatter with its uncertainty, from the runs' residuals.
@@ -600,17 +608,26 @@ impl Problem<'_> {
     }
 }
 
-/// Mean and standard deviation under exp(-score/2), of at least a variance.
-fn moments(scores: &[(f64, f64)], least_variance: f64) -> (f64, f64) {
-    let least = scores.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
+/// A part of a parameter's range.
+struct Part {
+    value: f64,
+    /// Width over which nothing is known, and prior weight.
+    width: f64,
+    weight: f64,
+    /// -2 log likelihood.
+    score: f64,
+}
+
+/// Mean and standard deviation under exp(-score/2).
+fn moments(parts: &[Part]) -> (f64, f64) {
+    let least = parts.iter().map(|p| p.score).fold(f64::INFINITY, f64::min);
     let (mut total, mut mean, mut square) = (0.0, 0.0, 0.0);
-    for (value, score) in scores {
-        let weight = (-0.5 * (score - least)).exp();
+    for part in parts {
+        let weight = part.weight * (-0.5 * (part.score - least)).exp();
         total += weight;
-        mean += weight * value;
-        square += weight * value * value;
+        mean += weight * part.value;
+        square += weight * (part.value.powi(2) + part.width.powi(2) / 12.0);
     }
     let mean = mean / total;
-    let variance = square / total - mean * mean;
-    (mean, variance.max(least_variance).sqrt())
+    (mean, (square / total - mean * mean).max(0.0).sqrt())
 }

@@ -91,16 +91,21 @@ pub(super) fn range(role: Role) -> Option<(f64, f64)> {
 }
 
 /// The grid of a parameter's starts; of one in proportion, 1.
-pub fn starts(role: Role) -> Vec<f64> {
-    let (Some((from, to)), Role::Curved { points, .. } | Role::Stepped { points, .. }) =
-        (range(role), role)
-    else {
-        return vec![1.0];
+fn starts(role: Role) -> Vec<f64> {
+    match role {
+        Role::Linear { .. } => vec![1.0],
+        Role::Curved { points, .. } | Role::Stepped { points, .. } => settings(role, points),
+    }
+}
+
+/// So many values of a parameter, the middles of equal parts of its range.
+pub(super) fn settings(role: Role, points: usize) -> Vec<f64> {
+    let Some((from, to)) = range(role) else {
+        return Vec::new();
     };
     let step = (to - from) / points as f64;
-    (0..points)
-        .map(|k| outer(role, from + (k as f64 + 0.5) * step))
-        .collect()
+    let at = |k: usize| outer(role, from + (k as f64 + 0.5) * step);
+    (0..points).map(at).collect()
 }
 
 /// Every combination of the starts of an effect's parameters.
@@ -443,9 +448,20 @@ impl Problem<'_> {
         )
     }
 
-    /// Moves parameters that go by steps to the best value near their start, finer than the grid; whether any moved.
+    /// The ranges of a threshold of the runs' peaks over which it makes no difference: from peak to peak. Peaks alike but for
+    /// the detector's error count as one.
+    pub(super) fn steps(&self, from: f64, to: f64) -> Vec<(f64, f64)> {
+        const ALIKE: f64 = 2e-3;
+        let mut edges: Vec<f64> = self.situation.peaks_g.clone();
+        edges.retain(|peak| (from..to).contains(peak));
+        edges.extend([from, to]);
+        edges.sort_by(f64::total_cmp);
+        edges.dedup_by(|b, a| *b < *a * (1.0 + ALIKE));
+        edges.windows(2).map(|edge| (edge[0], edge[1])).collect()
+    }
+
+    /// Moves parameters that go by steps to the best step near their start; whether any moved.
     fn sweep(&self, members: &mut [Member], weighing: &Weighing) -> bool {
-        const FINE: i32 = 24;
         let mut moved = false;
         for m in 0..members.len() {
             for k in 0..members[m].effect.parameters.len() {
@@ -454,10 +470,10 @@ impl Problem<'_> {
                     continue;
                 };
                 let start = members[m].values[k];
-                let step = 1.5 * (to - from) / points as f64 / f64::from(FINE);
+                let near = 1.5 * (to - from) / points as f64;
                 let mut best = (self.profile(members, weighing), start);
-                for n in -FINE..=FINE {
-                    members[m].values[k] = (start + f64::from(n) * step).clamp(from, to);
+                for (low, high) in self.steps(from.max(start - near), to.min(start + near)) {
+                    members[m].values[k] = 0.5 * (low + high);
                     let objective = self.profile(members, weighing);
                     if objective < best.0 {
                         best = (objective, members[m].values[k]);
@@ -468,6 +484,38 @@ impl Problem<'_> {
             }
         }
         moved
+    }
+
+    /// A fit anew from the best step of each parameter that goes by steps, the effect's first curved parameter going along: the
+    /// fit itself looked near its start alone. `None` if it was there already.
+    pub(super) fn stepped_anew(&self, fit: &Fit) -> Option<Fit> {
+        let weighing = self.weighing(fit.trust.clone());
+        let mut members = fit.members.clone();
+        let mut best = self.profile(&members, &weighing) - 1.0;
+        let mut moved = false;
+        for m in 0..members.len() {
+            let parameters = members[m].effect.parameters;
+            for (k, parameter) in parameters.iter().enumerate() {
+                let Role::Stepped { from, to, .. } = parameter.role else {
+                    continue;
+                };
+                let along = members[m].effect.linear();
+                let settings = settings(parameters[along].role, 20);
+                let mut candidate = members.clone();
+                for (low, high) in self.steps(from, to) {
+                    candidate[m].values[k] = 0.5 * (low + high);
+                    for &setting in &settings {
+                        candidate[m].values[along] = setting;
+                        let objective = self.profile(&candidate, &weighing);
+                        if objective < best {
+                            (best, moved) = (objective, true);
+                            members.clone_from(&candidate);
+                        }
+                    }
+                }
+            }
+        }
+        moved.then(|| self.fit(members, &fit.trust, 2)).flatten()
     }
 
     /// Columns of the derivatives by the curved parameters on their internal scale.

@@ -55,7 +55,7 @@ fn predict(
     let mut fit = problem.fit_nominal().ok_or_else(undetermined)?;
     if !members.is_empty() {
         for _ in 0..2 {
-            problem.situation.coefficients = nominal(&fit.theta);
+            problem.situation.suppose(nominal(&fit.theta));
             fit = problem
                 .fit(members.clone(), &fit.trust, 3)
                 .ok_or_else(undetermined)?;

@@ -84,7 +84,7 @@ impl Problem<'_> {
         larger.readings.extend_from_slice(&proposal.readings);
         larger.runs.extend_from_slice(&proposal.runs);
         let mut problem = Problem::with_scale(&larger, &[], self.scale_v_per_g);
-        problem.situation.coefficients = self.situation.coefficients;
+        problem.situation.suppose(self.situation.coefficients);
         if proposal.swapped {
             problem.seen_beside_instrument = made;
         }

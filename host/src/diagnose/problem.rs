@@ -155,6 +155,15 @@ pub struct Situation<'c> {
     pub searching: bool,
 }
 
+impl Situation<'_> {
+    /// Believes these coefficients, and the peaks that follow from them.
+    pub fn suppose(&mut self, coefficients: Coefficients<f64>) {
+        self.coefficients = coefficients;
+        let peak_g = |run: &&Run| peak_g(run, self.scale_v_per_g, &coefficients);
+        self.peaks_g = self.runs.iter().map(peak_g).collect();
+    }
+}
+
 /// Normal equations of the coefficients, prior included.
 #[derive(Clone, Debug)]
 pub(super) struct Normal {
@@ -204,7 +213,7 @@ impl<'c> Problem<'c> {
         let mut runs: Vec<&Run> = campaign.runs.iter().chain(further).collect();
         runs.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         let bench = &campaign.config.bench;
-        let situation = Situation {
+        let mut situation = Situation {
             motions: runs.iter().map(|run| Motion::commanded(run)).collect(),
             averages: Rc::new(Averages::new(runs.iter().copied())),
             bands: Rc::new(Bands::new(runs.iter().copied())),
@@ -212,7 +221,7 @@ impl<'c> Problem<'c> {
                 scale_factor_v_per_g: scale_v_per_g,
                 ..Coefficients::default()
             },
-            peaks_g: runs.iter().map(|run| peak_g(run, scale_v_per_g)).collect(),
+            peaks_g: Vec::new(),
             power_excess: power_excess(&runs, campaign),
             reference_rel_sigma: campaign
                 .config
@@ -227,6 +236,7 @@ impl<'c> Problem<'c> {
             logger_rate_hz: campaign.config.acquisition.sample_rate_hz,
             searching: false,
         };
+        situation.suppose(situation.coefficients);
         let (s, r) = (situation.readings.len(), situation.runs.len());
         let lengths = [s, r, r, r, r, r, r, 3 * r, 2 * r];
         let mut starts = [0; BLOCKS.len() + 1];
@@ -714,18 +724,25 @@ fn power_excess(runs: &[&Run], campaign: &Campaign) -> f64 {
 }
 
 /// Largest magnitude of the vibration along IA: from the peak detector where there is one, g.
-fn peak_g(run: &Run, scale_v_per_g: f64) -> f64 {
+/// Largest magnitude of a run's vibration along IA, g: the excursion that gives the output's extremes.
+fn peak_g(run: &Run, scale_v_per_g: f64, coefficients: &Coefficients<f64>) -> f64 {
     let commanded = (run.direction[0] * run.level_g).abs();
-    match (
-        run.measured.and_then(|m| Some((m.before_v, m.extremes?))),
-        run.kind,
-    ) {
-        _ if commanded == 0.0 => 0.0,
-        (Some((before, extremes)), _) => {
-            (extremes.maximum_v - before)
-                .abs()
-                .max((extremes.minimum_v - before).abs())
-                / scale_v_per_g
+    if commanded == 0.0 {
+        return 0.0;
+    }
+    match (run.measured.and_then(|m| m.extremes), run.kind) {
+        (Some(extremes), _) => {
+            let rest = run.specific_force_g;
+            let [i, p, o] = run.direction.map(|cosine| cosine / run.direction[0]);
+            let excursion = |extreme_v: f64| {
+                (0..4).fold(0.0, |w: f64, _| {
+                    let force =
+                        SpecificForce::new(rest.i + i * w, rest.p + p * w, rest.o + o * w);
+                    w + extreme_v / scale_v_per_g - coefficients.output_g(force)
+                })
+            };
+            let [most, least] = [extremes.maximum_v, extremes.minimum_v].map(excursion);
+            most.abs().max(least.abs())
         }
         (None, VibrationKind::Sine) => commanded,
         // The expected maximum of some 1e4 independent values.

@@ -85,7 +85,8 @@ struct Promise {
 impl Problem<'_> {
     /// Searches `catalogue`. `None` if the campaign does not determine even the nominal model with its priors.
     pub fn search(&mut self, catalogue: &[&'static Effect]) -> Option<Search> {
-        self.situation.coefficients = self.coefficients_at_rest()?;
+        let at_rest = self.coefficients_at_rest()?;
+        self.situation.suppose(at_rest);
         let null = self.fit_nominal()?;
         self.situation.searching = true;
         let starts: Vec<Start> = catalogue
@@ -107,13 +108,14 @@ impl Problem<'_> {
             .is_some_and(|best| best.log_evidence > null.log_evidence + WORTH);
         if moved {
             // The coefficients that effects look at, now that the largest bend is out of them.
-            self.situation.coefficients = nominal(&fits[0].theta);
+            self.situation.suppose(nominal(&fits[0].theta));
             for fit in fits.iter_mut().take(3) {
                 if let Some(again) = self.refit(fit.members.clone(), &fit.trust) {
                     *fit = again;
                 }
             }
         }
+        self.step_best(&mut fits, catalogue.len());
         let mut adequacy = self
             .judge(&fits, &families, catalogue.len())
             .unwrap_or_else(|| null_adequacy.clone());
@@ -132,6 +134,8 @@ impl Problem<'_> {
                 offer(&mut found, self.add_to(base, &starts, FURTHER));
             }
             if let Some(best) = best_of(&found).cloned() {
+                let best = self.stepped_anew(&best).unwrap_or(best);
+                offer(&mut found, vec![best.clone()]);
                 // Each effect alone again from where the set put it, and what else could stand beside it: the first
                 // one may have stood in for two.
                 for member in best.members.iter().filter(|_| effects == 2) {
@@ -146,6 +150,7 @@ impl Problem<'_> {
                 found.retain(|fit| self.likeness(&null, fit) < STAND_IN);
             }
             fits.extend(found);
+            self.step_best(&mut fits, catalogue.len());
             adequacy = self
                 .judge(&fits, &families, catalogue.len())
                 .unwrap_or(adequacy);
@@ -159,6 +164,19 @@ impl Problem<'_> {
             &families,
             catalogue.len(),
         ))
+    }
+
+    /// Puts the most probable fit's parameters that go by steps where they do best.
+    fn step_best(&self, fits: &mut [Fit], catalogue: usize) {
+        let weight = |fit: &Fit| self.weigh(fit, catalogue);
+        let best = fits
+            .iter_mut()
+            .max_by(|a, b| weight(a).total_cmp(&weight(b)));
+        if let Some(best) = best
+            && let Some(again) = self.stepped_anew(best)
+        {
+            *best = again;
+        }
     }
 
     /// How well the most probable of several fits does.

@@ -94,7 +94,7 @@ pub(super) const EFFECTS: &[Effect] = &[
             // By which factor each step is smaller than the one before it.
             even("_memory", 0.4, 1.05, 6),
             // How much of it the ends of the vibration show.
-            even("_within", 0.5, 1.5, 1),
+            even("_within", 0.0, 1.5, 1),
             stepped("threshold_g", 0.2, 8.0, 40),
         ],
         action: Action::Adds(bias_memory),

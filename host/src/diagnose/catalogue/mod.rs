@@ -69,7 +69,7 @@ pub enum Role {
         /// Whether the range is one of the logarithm.
         logarithmic: bool,
     },
-    /// By steps: as curved, but on the grid alone.
+    /// By steps: a threshold of the runs' peaks, g. Started from a grid, and then put between two peaks.
     Stepped {
         /// Least value.
         from: f64,
