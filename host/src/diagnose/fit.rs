@@ -486,36 +486,35 @@ impl Problem<'_> {
         moved
     }
 
-    /// A fit anew from the best step of each parameter that goes by steps, the effect's first curved parameter going along: the
-    /// fit itself looked near its start alone. `None` if it was there already.
+    /// The best of fits anew from the most promising steps of a parameter that goes by steps, the effect's first curved
+    /// parameter going along: the fit itself looked near its start alone. `None` if that is no better.
     pub(super) fn stepped_anew(&self, fit: &Fit) -> Option<Fit> {
+        const TRIED: usize = 3;
         let weighing = self.weighing(fit.trust.clone());
-        let mut members = fit.members.clone();
-        let mut best = self.profile(&members, &weighing) - 1.0;
-        let mut moved = false;
-        for m in 0..members.len() {
-            let parameters = members[m].effect.parameters;
-            for (k, parameter) in parameters.iter().enumerate() {
+        let mut starts: Vec<(f64, Vec<Member>)> = Vec::new();
+        for (m, Member { effect, .. }) in fit.members.iter().enumerate() {
+            for (k, parameter) in effect.parameters.iter().enumerate() {
                 let Role::Stepped { from, to, .. } = parameter.role else {
                     continue;
                 };
-                let along = members[m].effect.linear();
-                let settings = settings(parameters[along].role, 20);
-                let mut candidate = members.clone();
+                let along = effect.linear();
+                let settings = settings(effect.parameters[along].role, 20);
                 for (low, high) in self.steps(from, to) {
-                    candidate[m].values[k] = 0.5 * (low + high);
-                    for &setting in &settings {
-                        candidate[m].values[along] = setting;
-                        let objective = self.profile(&candidate, &weighing);
-                        if objective < best {
-                            (best, moved) = (objective, true);
-                            members.clone_from(&candidate);
-                        }
-                    }
+                    let with = |setting: &f64| {
+                        let mut members = fit.members.clone();
+                        members[m].values[k] = 0.5 * (low + high);
+                        members[m].values[along] = *setting;
+                        (self.profile(&members, &weighing), members)
+                    };
+                    starts.extend(settings.iter().map(with).min_by(|a, b| a.0.total_cmp(&b.0)));
                 }
             }
         }
-        moved.then(|| self.fit(members, &fit.trust, 2)).flatten()
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let fits = starts.into_iter().take(TRIED);
+        fits.filter_map(|(_, members)| self.fit(members, &fit.trust, 2))
+            .filter(|anew| anew.objective < fit.objective - SETTLED)
+            .min_by(|a, b| a.objective.total_cmp(&b.objective))
     }
 
     /// Columns of the derivatives by the curved parameters on their internal scale.
