@@ -172,10 +172,21 @@ impl Problem<'_> {
         for Member { effect, values } in members {
             match effect.action {
                 Action::Adds(add) => {
-                    for k in 0..effect.linear() {
-                        let mut change = self.no_change();
-                        add(values, k, felt, &mut change);
-                        parts.linear.push(self.whiten(change));
+                    let columns = || -> Vec<(Column, Vec<f64>)> {
+                        let column = |k: usize| {
+                            let mut change = self.no_change();
+                            add(values, k, felt, &mut change);
+                            self.whiten(change)
+                        };
+                        (0..effect.linear()).map(column).collect()
+                    };
+                    // What is all in proportion is the same whatever the parameters, unless the motion has changed.
+                    if moved.is_none() && effect.linear() == effect.parameters.len() {
+                        let mut known = self.in_proportion.borrow_mut();
+                        let columns = known.entry(effect.id).or_insert_with(columns);
+                        parts.linear.extend_from_slice(columns);
+                    } else {
+                        parts.linear.extend(columns());
                     }
                     if effect.linear() == 0 {
                         let change = offset.get_or_insert_with(|| self.no_change());

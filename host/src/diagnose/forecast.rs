@@ -105,6 +105,7 @@ impl<'c> Problem<'c> {
     /// The same runs with every row in g, for predictions.
     pub(super) fn unweighted(mut self) -> Self {
         self.weights.fill(1.0);
+        self.in_proportion.take();
         self.nominal = self.design(&self.situation.motions);
         self
     }

@@ -4,6 +4,8 @@
 //! factor of their covariance: noise and repeatability of each, one error a mark, two tilts of the base, one error a
 //! remounting. The plateaus of a run stand for themselves, at the run's nominal attitude.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::ops::Range;
 use std::rc::Rc;
 
@@ -197,6 +199,9 @@ pub struct Problem<'c> {
     kink_variance: Vec<f64>,
     /// Squares of the reciprocal prior standard deviations of the coefficients.
     pub prior_precision: [f64; NOMINAL],
+    /// Columns of effects whose parameters are all in proportion, at the commanded motion, and the variance that they add:
+    /// made once.
+    pub(super) in_proportion: RefCell<HashMap<&'static str, Vec<(Column, Vec<f64>)>>>,
     /// First run that another reference, beside the instrument, sees: all that the instrument itself feels.
     pub(super) seen_beside_instrument: usize,
 }
@@ -271,6 +276,7 @@ impl<'c> Problem<'c> {
             },
             nominal: Vec::new(),
             prior_precision: PRIOR_SIGMA.map(|sigma| sigma.powi(-2)),
+            in_proportion: RefCell::default(),
             seen_beside_instrument: usize::MAX,
             situation,
             scale_v_per_g,
