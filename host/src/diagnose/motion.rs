@@ -1,6 +1,7 @@
 //! How the instrument moves in a run, and time means over that motion.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::LazyLock;
 
 use shared::model::{NOMINAL, SpecificForce};
 use shared::rectification::Sensitivity;
@@ -28,6 +29,11 @@ pub struct Motion {
     /// Relative variance of the mean square, from a spectrum that nobody measured.
     pub power_variance: f64,
 }
+
+/// Sines of phases over half a period, which pass every value of the whole.
+static SINES: LazyLock<[f64; PHASES]> = LazyLock::new(|| {
+    std::array::from_fn(|k| (((k as f64 + 0.5) / PHASES as f64 - 0.5) * PI).sin())
+});
 
 impl Motion {
     /// The commanded motion, a random record's shape as the reference saw it.
@@ -85,23 +91,22 @@ impl Motion {
         Sensitivity::new(run.specific_force_g.i, moments).nominal
     }
 
-    /// Moments of a sine with its second harmonic, from its phases.
+    /// Moments of s - h cos 2x, s = sin x: M[s^2 cos 2x] = -1/4 and M[s^2 cos^2 2x] = 1/4. M|a0 + w| from the phases.
     fn distorted(&self, a0: f64) -> Moments<f64> {
         let [i, p, o] = self.amplitude_g;
-        let mut sums = [0.0; 4];
-        for k in 0..PHASES {
-            let w = self.sine_at(k);
-            let square = w * w;
-            sums[0] += square;
-            sums[1] += square * w;
-            sums[2] += square * square;
-            sums[3] += (a0 + i * w).abs();
-        }
-        let [m2, m3, m4, absolute] = sums.map(|sum| sum / PHASES as f64);
+        let h = self.second_harmonic;
+        let h2 = h * h;
+        let m2 = 0.5 * (1.0 + h2);
+        let absolute = if a0.abs() >= i.abs() * (1.0 + h.abs()) {
+            a0.abs()
+        } else {
+            let at = |k| (a0 + i * self.sine_at(k)).abs();
+            (0..PHASES).map(at).sum::<f64>() / PHASES as f64
+        };
         Moments {
             m2_g2: m2 * i * i,
-            m3_g3: m3 * i * i * i,
-            m4_g4: m4 * i * i * i * i,
+            m3_g3: 0.75 * h * i * i * i,
+            m4_g4: (0.375 * (1.0 + h2 * h2) + 1.5 * h2) * i * i * i * i,
             m5_g5: 0.0,
             cross_ip_g2: m2 * i * p,
             cross_io_g2: m2 * i * o,
@@ -110,10 +115,9 @@ impl Motion {
         }
     }
 
-    /// Multiple of the amplitude at phase number k of half a period, which passes every value of the whole.
+    /// Multiple of the amplitude at phase number k of half a period.
     fn sine_at(&self, k: usize) -> f64 {
-        let x = ((k as f64 + 0.5) / PHASES as f64 - 0.5) * PI;
-        let sine = x.sin();
+        let sine = SINES[k];
         sine - self.second_harmonic * (1.0 - 2.0 * sine * sine)
     }
 }

@@ -742,8 +742,7 @@ fn peak_g(run: &Run, scale_v_per_g: f64, coefficients: &Coefficients<f64>) -> f6
             let [i, p, o] = run.direction.map(|cosine| cosine / run.direction[0]);
             let excursion = |extreme_v: f64| {
                 (0..4).fold(0.0, |w: f64, _| {
-                    let force =
-                        SpecificForce::new(rest.i + i * w, rest.p + p * w, rest.o + o * w);
+                    let force = SpecificForce::new(rest.i + i * w, rest.p + p * w, rest.o + o * w);
                     w + extreme_v / scale_v_per_g - coefficients.output_g(force)
                 })
             };
