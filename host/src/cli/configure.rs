@@ -6,14 +6,17 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde::Serialize;
 use shared::compensate;
-use shared::wire::configuration::Configuration;
+use shared::model::FURTHER;
+use shared::rectification::NOMINAL_RECTIFYING;
+use shared::wire::configuration::{self, Configuration};
 use shared::wire::message::StoreFault;
 
 use super::{Command, Console, positive};
 use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{self, Method, NAMES};
+use crate::configuration::configuration;
+use crate::identification::{Method, NAMES, identify};
 use crate::link::{Kept, Link};
 use crate::source::SerialSource;
 
@@ -51,6 +54,9 @@ pub struct Configure {
     reference: f64,
 }
 
+/// Names of the further coefficients, as [`NAMES`] has those of the nominal ones.
+const FURTHER_NAMES: [&str; FURTHER] = ["k5", "K0_prime", "Koq", "Kpp", "Koo"];
+
 #[derive(Clone, Copy, ValueEnum)]
 enum Mode {
     Block,
@@ -74,7 +80,7 @@ struct Shown {
 impl Configure {
     fn wanted(&self, campaign: &Path) -> Result<Configuration, Error> {
         let campaign = Campaign::read(campaign)?;
-        let found = identification::identify(&campaign, Method::LeastSquares, None)?;
+        let known = identify(&campaign, Method::LeastSquares, None)?.calibration();
         let front_end = FrontEnd {
             divider: self.divider,
             reference_v_per_g: self.reference,
@@ -87,7 +93,7 @@ impl Configure {
             Source::Reference => compensate::Source::Reference,
             Source::Instrument => compensate::Source::Instrument,
         };
-        let wanted = found.configuration(&front_end, mode, source, self.block);
+        let wanted = configuration(&known, &front_end, mode, source, self.block);
         if wanted.is_possible() {
             Ok(wanted)
         } else {
@@ -122,6 +128,11 @@ impl Command for Configure {
     }
 }
 
+/// The standard uncertainty of one of the coefficients that rectify, to the end of its line.
+fn sigma(known: &configuration::Calibration, n: usize) -> String {
+    format!("  sigma {:.1e}\n", known.covariance.get(n, n).sqrt())
+}
+
 fn text(kept: &Kept) -> String {
     let Some(Configuration {
         compensation,
@@ -144,11 +155,18 @@ fn text(kept: &Kept) -> String {
     match calibration {
         None => text.push_str("It has no coefficients.\n"),
         Some(known) => {
-            let covariance = known.covariance();
-            for (k, name) in NAMES.iter().enumerate() {
-                let value = known.coefficients.nominal[k];
-                let sigma = covariance[k][k].sqrt();
-                let _ = writeln!(text, "{name:<12} {value:>16.8e}  sigma {sigma:.1e}");
+            let further = known.coefficients.further.into_iter();
+            let nominal = known.coefficients.nominal.into_iter();
+            for (k, (name, value)) in NAMES.into_iter().zip(nominal).enumerate() {
+                let _ = write!(text, "{name:<12} {value:>16.8e}");
+                let n = NOMINAL_RECTIFYING.iter().position(|&rectifying| rectifying == k);
+                text.push_str(&n.map_or("\n".into(), |n| sigma(&known, n)));
+            }
+            for (k, (name, value)) in FURTHER_NAMES.into_iter().zip(further).enumerate() {
+                if value != 0.0 {
+                    let _ = write!(text, "{name:<12} {value:>16.8e}");
+                    text.push_str(&sigma(&known, NOMINAL_RECTIFYING.len() + k));
+                }
             }
             let _ = writeln!(
                 text,

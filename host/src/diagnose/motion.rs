@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use shared::model::{NOMINAL, SpecificForce};
 use shared::rectification::Sensitivity;
-use shared::vibration::{AbsoluteMean, Harmonic, Moments};
+use shared::vibration::{Harmonic, Kinked, KinkedMeans, Moments};
 
 use crate::campaign::{Run, VibrationKind};
 use crate::finite_record::{ORDERS, correlation_integrals};
@@ -88,16 +88,19 @@ impl Motion {
     /// Moments of a sine with its second harmonic, from its phases.
     fn distorted(&self, a0: f64) -> Moments<f64> {
         let [i, p, o] = self.amplitude_g;
-        let mut sums = [0.0; 4];
+        let mut sums = [0.0; 6];
         for k in 0..PHASES {
             let w = self.sine_at(k);
             let square = w * w;
             sums[0] += square;
             sums[1] += square * w;
             sums[2] += square * square;
-            sums[3] += (a0 + i * w).abs();
+            let a = a0 + i * w;
+            sums[3] += if a == 0.0 { 0.0 } else { a.signum() };
+            sums[4] += a.abs() - a0.abs();
+            sums[5] += a * a.abs() - a0 * a0.abs();
         }
-        let [m2, m3, m4, absolute] = sums.map(|sum| sum / PHASES as f64);
+        let [m2, m3, m4, sign, absolute_g, signed_square_g2] = sums.map(|sum| sum / PHASES as f64);
         Moments {
             m2_g2: m2 * i * i,
             m3_g3: m3 * i * i * i,
@@ -106,7 +109,13 @@ impl Motion {
             cross_ip_g2: m2 * i * p,
             cross_io_g2: m2 * i * o,
             cross_po_g2: m2 * p * o,
-            absolute: AbsoluteMean::Measured(absolute),
+            m2_p_g2: m2 * p * p,
+            m2_o_g2: m2 * o * o,
+            kinked: Kinked::Measured(KinkedMeans {
+                sign,
+                absolute_g,
+                signed_square_g2,
+            }),
         }
     }
 

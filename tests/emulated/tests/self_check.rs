@@ -6,7 +6,7 @@ use std::time::Duration;
 use emulated::converter::Plain;
 use emulated::{Conversation, Error, Heard};
 use shared::identify::static_test::{Bench, workspace_len};
-use shared::model::{Coefficients, NOMINAL, SpecificForce};
+use shared::model::{Coefficients, FURTHER, NOMINAL, SpecificForce};
 use shared::self_check::{Limits, MARKS, MOUNTS, Outcome, ReadingSums, SelfCheck, SetUp, Verdict};
 use shared::tumble::{Position, full_rank_plan, paper_plan};
 use shared::wire::message::{self, Approach, Block, Segment};
@@ -150,7 +150,7 @@ fn board_and_host_identify_the_same_coefficients_and_these_are_the_instruments()
 fn what_is_wrong_is_named() -> Result<(), Error> {
     let mut stored = message::Coefficients {
         nominal: truth().to_nominal(),
-        fifth_order_per_g4: 0.0,
+        further: [0.0; FURTHER],
     };
     stored.nominal[1] += 1e-3;
     let mut c = truth();
