@@ -109,7 +109,7 @@ fn static_test(
         Heard::Check(outcome) => Some(outcome),
         _ => None,
     });
-    let stored = stored.map(|c| Coefficients::from_nominal(c.nominal));
+    let stored = stored.map(|c| Coefficients::from_nominal(c.nominal).with_further(c.further));
     Ok(Run {
         board: board.expect("an outcome"),
         host: check
@@ -159,6 +159,12 @@ fn what_is_wrong_is_named() -> Result<(), Error> {
     assert_agree(&run);
     let named: Vec<_> = run.board.verdicts.iter().collect();
     assert_eq!(named, [Verdict::Bias, Verdict::Blind, Verdict::Changed]);
+    // Beside further coefficients a static test finds others.
+    stored.further[2] = 3e-4;
+    let run = static_test(c, paper_plan(), Some(stored))?;
+    assert_agree(&run);
+    let named: Vec<_> = run.board.verdicts.iter().collect();
+    assert_eq!(named, [Verdict::Bias, Verdict::Blind]);
     Ok(())
 }
 
