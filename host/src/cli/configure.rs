@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde::Serialize;
-use shared::compensate;
+use shared::compensate::{self, Calibration};
 use shared::model::FURTHER;
 use shared::rectification::NOMINAL_RECTIFYING;
 use shared::wire::configuration::{self, Configuration};
@@ -16,6 +16,7 @@ use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
 use crate::error::Error;
 use crate::configuration::configuration;
+use crate::diagnose::Diagnosis;
 use crate::identification::{Method, NAMES, identify};
 use crate::link::{Kept, Link};
 use crate::source::SerialSource;
@@ -25,12 +26,17 @@ use crate::source::SerialSource;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   vre configure campaigns/S01000 --port /dev/ttyACM0
+  vre configure campaigns/S01000 --diagnosis diagnosis.json --port /dev/ttyACM0
   vre configure --port /dev/ttyACM0              shows what the instrument keeps
   vre configure --port /dev/ttyACM0 --erase")]
 pub struct Configure {
     /// Folder of the campaign whose coefficients it is to have; without one it is only asked
     #[arg(conflicts_with = "erase")]
     campaign: Option<PathBuf>,
+    /// Coefficients of the campaign's diagnosis (`vre diagnose --json`) in place of the static test's: with the terms that it
+    /// found beyond the nominal model
+    #[arg(long, value_name = "FILE.json", requires = "campaign")]
+    diagnosis: Option<PathBuf>,
     /// The instrument's serial port
     #[arg(long, value_name = "DEV")]
     port: PathBuf,
@@ -80,7 +86,10 @@ struct Shown {
 impl Configure {
     fn wanted(&self, campaign: &Path) -> Result<Configuration, Error> {
         let campaign = Campaign::read(campaign)?;
-        let known = identify(&campaign, Method::LeastSquares, None)?.calibration();
+        let known = match &self.diagnosis {
+            Some(file) => diagnosed(file, &campaign)?,
+            None => identify(&campaign, Method::LeastSquares, None)?.calibration(),
+        };
         let front_end = FrontEnd {
             divider: self.divider,
             reference_v_per_g: self.reference,
@@ -99,6 +108,30 @@ impl Configure {
         } else {
             let line = "no instrument can compensate with this: a block has at least 4 conversions, K1 is positive";
             Err(Error::Usage(line.into()))
+        }
+    }
+}
+
+/// What a diagnosis of that campaign's instrument has the instrument compensate with.
+fn diagnosed(file: &Path, campaign: &Campaign) -> Result<Calibration<f64>, Error> {
+    let diagnosis = Diagnosis::read(file)?;
+    let serial = &campaign.config.instrument.serial;
+    if diagnosis.serial != *serial {
+        let line = format!(
+            "it is of instrument {}, the campaign of {serial}",
+            diagnosis.serial
+        );
+        return Err(Error::input(file, line));
+    }
+    match diagnosis.compensation {
+        Some(compensation) if !compensation.carried.is_empty() => Ok(compensation.calibration()),
+        compensation => {
+            let what = match compensation {
+                Some(_) => "it holds no term that the compensation could carry",
+                None => "it leaves the gap unexplained",
+            };
+            let line = format!("{what}: leave out --diagnosis to send the static test's own");
+            Err(Error::input(file, line))
         }
     }
 }
