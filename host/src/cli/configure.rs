@@ -7,8 +7,8 @@ use clap::ValueEnum;
 use serde::Serialize;
 use shared::compensate::{self, Calibration};
 use shared::model::FURTHER;
-use shared::rectification::NOMINAL_RECTIFYING;
-use shared::wire::configuration::{self, Configuration};
+use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
+use shared::wire::configuration::Configuration;
 use shared::wire::message::StoreFault;
 
 use super::{Command, Console, positive};
@@ -162,8 +162,8 @@ impl Command for Configure {
 }
 
 /// The standard uncertainty of one of the coefficients that rectify, to the end of its line.
-fn sigma(known: &configuration::Calibration, n: usize) -> String {
-    format!("  sigma {:.1e}\n", known.covariance.get(n, n).sqrt())
+fn sigma(covariance: &Covariance<f32>, n: usize) -> String {
+    format!("  sigma {:.1e}\n", covariance.get(n, n).sqrt())
 }
 
 fn text(kept: &Kept) -> String {
@@ -193,12 +193,12 @@ fn text(kept: &Kept) -> String {
             for (k, (name, value)) in NAMES.into_iter().zip(nominal).enumerate() {
                 let _ = write!(text, "{name:<12} {value:>16.8e}");
                 let n = NOMINAL_RECTIFYING.iter().position(|&rectifying| rectifying == k);
-                text.push_str(&n.map_or("\n".into(), |n| sigma(&known, n)));
+                text.push_str(&n.map_or("\n".into(), |n| sigma(&known.covariance, n)));
             }
             for (k, (name, value)) in FURTHER_NAMES.into_iter().zip(further).enumerate() {
                 if value != 0.0 {
                     let _ = write!(text, "{name:<12} {value:>16.8e}");
-                    text.push_str(&sigma(&known, NOMINAL_RECTIFYING.len() + k));
+                    text.push_str(&sigma(&known.covariance, NOMINAL_RECTIFYING.len() + k));
                 }
             }
             let _ = writeln!(
