@@ -71,7 +71,7 @@ impl<'w> Check<'w> {
 
     /// The outcome, `None` if nothing was begun or the readings do not determine the coefficients.
     pub fn conclude(&self, stored: Option<&message::Coefficients>) -> Option<Outcome> {
-        let stored = stored.map(|c| Coefficients::from_nominal(c.nominal));
+        let stored = stored.map(|c| Coefficients::from_nominal(c.nominal).with_further(c.further));
         let limits = Limits::default();
         let outcome = self.test.conclude(&limits, stored.as_ref(), self.faults);
         outcome.ok().filter(|_| self.begun)

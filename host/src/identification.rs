@@ -3,16 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
-use shared::compensate::{Mode, Source};
+use shared::compensate::Calibration;
 use shared::identify::closed_form;
 use shared::identify::static_test::{Bench, Fit, Reading, StaticTest, workspace_len};
 use shared::model::{Coefficients, NOMINAL};
+use shared::rectification::Covariance;
 use shared::tumble::{PAPER_ANGLES_DEG, Position, Series, within_a_turn};
-use shared::wire::configuration::{Calibration, Compensation, Configuration};
-use shared::wire::message;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::bench::excitation::FrontEnd;
 use crate::campaign::{self, Campaign};
 use crate::error::Error;
 use crate::quantity::Quantity;
@@ -161,37 +159,12 @@ impl Identification {
         }
     }
 
-    /// What makes the instrument compensate with these coefficients, in blocks of that many conversions. It counts in
-    /// volts at the converter: K1 and its covariance (V/g at the instrument's output) shrink by the front end's divider. The
-    /// reference's zero is taken as 0 V. What cannot be, as K1 <= 0, the instrument refuses.
-    pub fn configuration(
-        &self,
-        front_end: &FrontEnd,
-        mode: Mode,
-        source: Source,
-        block_samples: u16,
-    ) -> Configuration {
-        let mut unit = [1.0; NOMINAL];
-        unit[0] = front_end.divider;
-        let found = self.model.to_nominal();
-        let nominal: [f64; NOMINAL] = std::array::from_fn(|k| found[k] / unit[k]);
-        let covariance = std::array::from_fn(|j| {
-            std::array::from_fn(|k| self.covariance[j][k] / (unit[j] * unit[k]))
-        });
-        let coefficients = message::Coefficients {
-            nominal,
-            fifth_order_per_g4: self.model.fifth_order_per_g4,
-        };
-        Configuration {
-            compensation: Compensation {
-                mode: Some(mode),
-                source,
-                block_samples,
-                nominal_v_per_g: nominal[0] as f32,
-                reference_v_per_g: [front_end.reference_v_per_g as f32; 3],
-                reference_zero_v: [0.0; 3],
-            },
-            calibration: Some(Calibration::new(coefficients, &covariance, self.rank as u8)),
+    /// For the instrument.
+    pub fn calibration(&self) -> Calibration<f64> {
+        Calibration {
+            coefficients: self.model,
+            covariance: Covariance::from_nominal(&self.covariance),
+            rank: self.rank as u8,
         }
     }
 }

@@ -5,6 +5,7 @@ pub mod bench;
 pub mod campaign;
 pub mod capture;
 pub mod cli;
+pub mod configuration;
 pub mod diagnose;
 pub mod error;
 mod finite_record;

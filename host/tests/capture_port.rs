@@ -216,15 +216,70 @@ fn a_port_without_an_instrument_is_one_line() -> Outcome {
     Ok(())
 }
 
+/// A campaign of the virtual bench.
+fn simulate(folder: &Path, name: &str, more: &[&str]) -> Outcome<PathBuf> {
+    let out = folder.join(name);
+    let mut command = Command::cargo_bin("vre")?;
+    command.args(["simulate", "--seed", "3", "--out"]).arg(&out);
+    command.args(more).assert().success();
+    Ok(out)
+}
+
+/// What the command finds in a campaign, in a file.
+fn diagnose(campaign: &Path) -> Outcome<PathBuf> {
+    let file = campaign.join("diagnosis.json");
+    let mut command = Command::cargo_bin("vre")?;
+    command
+        .arg("diagnose")
+        .arg(campaign)
+        .arg("--json")
+        .arg(&file);
+    command.assert().success();
+    Ok(file)
+}
+
+#[test]
+fn a_diagnosis_that_hands_nothing_over_is_one_line_and_reaches_no_instrument() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let bare = simulate(folder.path(), "bare", &[])?;
+    let diagnosis = diagnose(&bare)?;
+    let text = std::fs::read_to_string(&diagnosis)?;
+    let write = |name: &str, text: &str| -> Outcome<PathBuf> {
+        let file = folder.path().join(name);
+        std::fs::write(&file, text)?;
+        Ok(file)
+    };
+    let serial = Campaign::read(&bare)?.config.instrument.serial;
+    let mut unexplained: serde_json::Value = serde_json::from_str(&text)?;
+    unexplained["compensation"] = serde_json::Value::Null;
+    for (file, says) in [
+        (diagnosis, "holds no term"),
+        (
+            write("other.json", &text.replace(&serial, "other"))?,
+            "is of instrument other",
+        ),
+        (write("none.json", &unexplained.to_string())?, "unexplained"),
+        (write("nonsense.json", "nonsense")?, "nonsense.json"),
+        (folder.path().join("missing.json"), "cannot be read"),
+    ] {
+        let mut command = Command::cargo_bin("vre")?;
+        command
+            .arg("configure")
+            .arg(&bare)
+            .arg("--diagnosis")
+            .arg(&file);
+        let assert = command.args(["--port", "no-such-port"]).assert().code(2);
+        let told = String::from_utf8(assert.get_output().stderr.clone())?;
+        assert_eq!(told.lines().count(), 1, "{told}");
+        assert!(told.contains(says), "{told}");
+    }
+    Ok(())
+}
+
 #[test]
 fn an_instrument_keeps_the_coefficients_it_is_given_shows_them_and_forgets_them() -> Outcome {
     let folder = tempfile::tempdir()?;
-    let campaign = folder.path().join("campaign");
-    Command::cargo_bin("vre")?
-        .args(["simulate", "--seed", "3", "--out"])
-        .arg(&campaign)
-        .assert()
-        .success();
+    let campaign = simulate(folder.path(), "campaign", &[])?;
     let instrument = Instrument::start(u64::MAX)?;
     let configure = |more: &[&str]| -> Outcome<serde_json::Value> {
         let mut command = Command::cargo_bin("vre")?;
@@ -244,6 +299,19 @@ fn an_instrument_keeps_the_coefficients_it_is_given_shows_them_and_forgets_them(
     let found = identify(&Campaign::read(&campaign)?, Method::LeastSquares, None)?;
     let k1 = kept["calibration"]["coefficients"]["nominal"][0].as_f64();
     assert_eq!(k1, Some(found.model.scale_factor_v_per_g / 10.0));
+
+    // With what a diagnosis found beyond the nominal model.
+    let odd = simulate(folder.path(), "odd", &["--effect", "odd-quadratic"])?;
+    let diagnosis = diagnose(&odd)?;
+    let odd = odd.to_str().ok_or("a path")?;
+    let file = diagnosis.to_str().ok_or("a path")?;
+    let given = configure(&[odd, "--diagnosis", file])?;
+    let calibration = &given["configuration"]["calibration"];
+    let told: serde_json::Value = serde_json::from_slice(&std::fs::read(&diagnosis)?)?;
+    let found = &told["compensation"]["coefficients"]["odd_quadratic_per_g"];
+    assert!(found.as_f64().is_some_and(|koq| koq != 0.0), "{told}");
+    assert_eq!(calibration["coefficients"]["further"][2], *found);
+    assert_eq!(calibration["rank"], 11);
     assert_eq!(
         configure(&["--erase"])?["configuration"],
         serde_json::Value::Null

@@ -121,6 +121,16 @@ fn an_effect_is_named_and_closes_the_gap_on_runs_that_were_held_out() {
         let diagnosis = diagnose(&simulation.campaign, &[]).unwrap().diagnosis;
         assert_eq!(diagnosis.verdict, Verdict::Explained, "{id}");
         assert_eq!(diagnosis.which[0].effects, [id]);
+        // None of these has a coefficient on board; that of the characteristic is told why.
+        let compensation = diagnosis.compensation.as_ref().unwrap();
+        assert!(compensation.carried.is_empty());
+        let left: Vec<&str> = compensation
+            .not_carried
+            .iter()
+            .map(|left| left.effect.as_str())
+            .collect();
+        let statics = catalogue::find(id).unwrap().stage == catalogue::Stage::InstrumentStatics;
+        assert_eq!(left, if statics { vec![id] } else { vec![] });
         let text = serde_json::to_string(&diagnosis).unwrap();
         assert_eq!(
             serde_json::from_str::<host::diagnose::Diagnosis>(&text)

@@ -20,18 +20,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::{Coefficients, NOMINAL, SpecificForce};
 use crate::moments::{CHANNELS, Moments};
-use crate::rectification::Sensitivity;
+use crate::rectification::{Covariance, Sensitivity};
 use crate::scalar::Real;
-use crate::vibration::{self, AbsoluteMean};
+use crate::vibration::{self, Kinked, KinkedMeans};
 
 /// Where the vibration's moments come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Source {
-    /// The triaxial reference accelerometer, channels 1 to 3. It must sense gravity too: M|a| is taken about its zero.
+    /// The triaxial reference accelerometer, channels 1 to 3. It must sense gravity too: the means of functions with a kink,
+    /// such as M|a|, are taken about its zero.
     #[default]
     Reference,
-    /// The instrument's own signal on IA; cross-couplings are left out. For an instrument that follows the vibration. Its
-    /// moments hold its nonlinearity too: at a0 = 0 a square is off by 2 k2 m3/m2 + 2 k3 m4/m2 of itself.
+    /// The instrument's own signal on IA; cross-couplings and the squares across are left out. For an instrument that follows
+    /// the vibration. Its moments hold its nonlinearity too: at a0 = 0 a square is off by 2 k2 m3/m2 + 2 k3 m4/m2 of itself.
     Instrument,
 }
 
@@ -81,8 +82,8 @@ impl Quality {
 pub struct Calibration<T> {
     /// The coefficients of (1).
     pub coefficients: Coefficients<T>,
-    /// Covariance of the eleven nominal coefficients, in the order of [`Coefficients::to_nominal`].
-    pub covariance: [[T; NOMINAL]; NOMINAL],
+    /// Covariance of those that rectify.
+    pub covariance: Covariance<T>,
     /// Rank of the plan that gave them, 0 to 11; below 11 it is blind to something.
     pub rank: u8,
 }
@@ -144,6 +145,10 @@ const HALF_STEP_LIMIT: f64 = 0.038_060_233_744_356_62;
 /// It looks back only, and still moves no wave of the band by more than 0.02 samples, so that a block's samples remain
 /// the block's. The first two after a gap have no two before and stay as they are.
 const SHARPENING: f64 = 0.136;
+
+/// The same as a power of two: an eighth, which costs one instruction and leaves -0.4 % of a square at the band's end. It is
+/// for the means of sign(x) and x|x|: how the droop changes these, no moment tells.
+const SHARPENING_SHIFT: u32 = 3;
 
 /// Vibration of a smaller rms than this, g, rectifies nothing that matters, and may have any frequency.
 const QUIET_RMS_G: f64 = 1e-3;
@@ -257,10 +262,9 @@ impl<T: Real> Compensator<T> {
         }
         let own = lost || self.source == Source::Instrument;
         let channel = usize::from(!own);
-        let droop = state.droop(channel, moments.m2()[channel]);
+        let droop = state.droop(channel, moments, self.to_g[channel]);
         let vibration = self.vibration(moments, state, channel, droop.gain);
-        let quiet = vibration.m2_g2 < T::lit(QUIET_RMS_G * QUIET_RMS_G);
-        if !quiet && droop.half_step > T::lit(HALF_STEP_LIMIT) {
+        if droop.half_step > T::lit(HALF_STEP_LIMIT) {
             quality |= Quality::OUT_OF_BAND;
         }
         let transverse = if lost {
@@ -276,24 +280,23 @@ impl<T: Real> Compensator<T> {
         let settled = |correction: T, a: T| {
             correction.abs() <= T::epsilon() * T::lit(16.0) * (T::one() + a.abs())
         };
-        let mut sensitivity = sensitivity(a.i, &vibration);
+        let mut sensitivity = Sensitivity::new(a.i, vibration);
         let mut steps = 0;
-        loop {
-            let excess = c.error_g(a) + sensitivity.vre_g(c) - removed_g;
-            let correction = excess / c.gradient(a).i;
+        let vre_g = loop {
+            let vre_g = sensitivity.vre_g(c);
+            let correction = (c.error_g(a) + vre_g - removed_g) / c.gradient(a).i;
             removed_g += correction;
             a.i = mean_g - removed_g;
             if settled(correction, a.i) {
-                break;
+                break vre_g;
             }
             steps += 1;
             if steps == STEPS {
                 quality |= Quality::NO_SOLUTION;
-                break;
+                break vre_g;
             }
-            sensitivity = self::sensitivity(a.i, &vibration);
-        }
-        let vre_g = sensitivity.vre_g(c);
+            sensitivity = Sensitivity::new(a.i, vibration);
+        };
         if self.mode == Mode::Pointwise && !lost {
             removed_g = state.removed_g / T::from_i64(moments.count() as i64);
         }
@@ -301,7 +304,7 @@ impl<T: Real> Compensator<T> {
             specific_force_g: output_g - removed_g.to_f64(),
             vre_g,
             vre_sigma_g: sensitivity
-                .variance_g2(&calibration.covariance)
+                .variance_with_further_g2(&calibration.covariance)
                 .max(T::zero())
                 .sqrt(),
             quality: Quality(quality),
@@ -318,19 +321,27 @@ impl<T: Real> Compensator<T> {
     ) -> vibration::Moments<T> {
         let to_g = self.to_g[channel];
         let square = to_g * to_g * gain;
-        let m3_g3 = moments.m3()[channel] * square * to_g * gain.sqrt();
+        let g = gain.sqrt();
+        let m3_g3 = moments.m3()[channel] * square * to_g * g;
         let m2_g2 = moments.m2()[channel] * square;
         // M|x| - |M[x]| keeps its digits, both being about the same zero code; and M[x sign x - x0 sign x] is its
         // derivative by the vibration's amplitude, which the droop makes too small.
         let modulus = moments.mean_modulus()[channel];
         let offset = moments.mean_about(moments.zero())[channel];
-        let by_amplitude = modulus - offset * state.mean_sign(channel, moments.count());
-        let excess_g = (modulus - offset.abs() + (gain.sqrt() - T::one()) * by_amplitude) * to_g;
+        let (sign, signed_square) = state.kinked(channel, moments.count());
+        let by_amplitude = modulus - offset * sign;
+        let absolute = modulus - offset.abs() + (g - T::one()) * by_amplitude;
+        let excess = KinkedMeans {
+            sign,
+            absolute_g: absolute * to_g,
+            signed_square_g2: (signed_square - offset * offset.abs()) * to_g * to_g,
+        };
         let [_, _, p, o] = self.to_g;
-        let [ip, io, po] = if channel == 0 {
-            [T::zero(); 3]
+        let ([ip, io, po], [m2_p, m2_o]) = if channel == 0 {
+            ([T::zero(); 3], [T::zero(); 2])
         } else {
-            moments.reference_cross()
+            let [_, _, m2 @ ..] = moments.m2();
+            (moments.reference_cross(), m2)
         };
         vibration::Moments {
             m2_g2,
@@ -341,41 +352,67 @@ impl<T: Real> Compensator<T> {
             cross_ip_g2: ip * to_g * p * gain,
             cross_io_g2: io * to_g * o * gain,
             cross_po_g2: po * p * o * gain,
-            absolute: AbsoluteMean::Measured(excess_g),
+            m2_p_g2: m2_p * p * p * gain,
+            m2_o_g2: m2_o * o * o * gain,
+            kinked: Kinked::Measured(excess),
         }
     }
-}
-
-/// The sensitivity at `a0_g`; `vibration.absolute` holds the excess over |a0|, g.
-fn sensitivity<T: Real>(a0_g: T, vibration: &vibration::Moments<T>) -> Sensitivity<T> {
-    let absolute = match vibration.absolute {
-        AbsoluteMean::Measured(excess_g) => AbsoluteMean::Measured(a0_g.abs() + excess_g),
-        other => other,
-    };
-    Sensitivity::new(
-        a0_g,
-        vibration::Moments {
-            absolute,
-            ..*vibration
-        },
-    )
 }
 
 /// What a block gathers beside its moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CompensatorState<T> {
-    last: Option<[i32; CHANNELS]>,
-    /// The one before the last; point by point only.
-    before_last: Option<[i32; CHANNELS]>,
-    /// Steps from sample to sample; one less than samples after a gap.
-    steps: u32,
-    /// Sums of their squares of the instrument and the reference's I, codes^2. The codes have 24 bits and a block less
-    /// than 2^16 samples: no overflow.
-    squared_steps: [u64; 2],
-    /// Samples below the zero code, of the same two.
-    below: [u32; 2],
+    /// Of the instrument and the reference's I.
+    gathered: [Gathered; 2],
+    /// False before a sample that wants more than gathering: the first after a gap, and all point by point.
+    plain: bool,
+    /// False before the first sample after a gap, to which no step leads.
+    continues: bool,
+    /// How many such samples there were.
+    first: u32,
+    /// The last sample and the one before it; point by point only.
+    before: [Option<[i32; CHANNELS]>; 2],
     /// What point-wise inversion took out, summed over the block, g.
     removed_g: T,
+}
+
+/// What a block gathers of one channel. The codes have 24 bits and a block less than 2^16 samples: no sum overflows, but of
+/// codes that are all at one end of the range with their zero at the other.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Gathered {
+    /// The last code.
+    last: i32,
+    /// The step to it.
+    step: i32,
+    /// Sum of the squared steps, codes^2.
+    squared_steps: u64,
+    /// Sum of x|x|, x being the sharpened distance from the zero code, codes^2.
+    signed_squares: i64,
+    /// How often it is negative.
+    below: u32,
+}
+
+impl Gathered {
+    #[inline(always)]
+    fn push(&mut self, code: i32, zero: i32) {
+        let product = |x: i32, y: i32| i64::from(x).wrapping_mul(i64::from(y));
+        let step = code.wrapping_sub(self.last);
+        let x = code.wrapping_sub(zero);
+        let sharpened = x.wrapping_add(self.step.wrapping_sub(step) >> SHARPENING_SHIFT);
+        (self.last, self.step) = (code, step);
+        self.squared_steps = self.squared_steps.wrapping_add(product(step, step) as u64);
+        let signed_square = product(sharpened, sharpened.wrapping_abs());
+        self.signed_squares = self.signed_squares.wrapping_add(signed_square);
+        self.below += u32::from(sharpened < 0);
+    }
+
+    fn next_block(&mut self) {
+        *self = Self {
+            last: self.last,
+            step: self.step,
+            ..Self::default()
+        };
+    }
 }
 
 /// The converter's droop over a block.
@@ -395,62 +432,74 @@ impl<T: Real> CompensatorState<T> {
     /// Takes one sample of four codes.
     #[inline]
     pub fn push(&mut self, compensator: &Compensator<T>, codes: [i32; CHANNELS]) {
-        if let Some(last) = &self.last {
-            let squared_step = |k: usize| {
-                let step = u64::from(codes[k].abs_diff(last[k]));
-                step * step
-            };
-            let [instrument, reference] = &mut self.squared_steps;
-            *instrument = instrument.wrapping_add(squared_step(0));
-            *reference = reference.wrapping_add(squared_step(1));
-            self.steps = self.steps.wrapping_add(1);
+        if !self.plain {
+            self.push_more(compensator, codes);
         }
-        let [instrument, reference] = &mut self.below;
-        *instrument += u32::from(codes[0] < compensator.zero[0]);
-        *reference += u32::from(codes[1] < compensator.zero[1]);
-        if compensator.mode == Mode::Pointwise {
-            let before = self.last.zip(self.before_last);
-            self.removed_g += compensator.removed_g(codes, before);
-            self.before_last = self.last;
+        let [instrument, reference] = &mut self.gathered;
+        instrument.push(codes[0], compensator.zero[0]);
+        reference.push(codes[1], compensator.zero[1]);
+    }
+
+    /// What a sample wants beside gathering.
+    fn push_more(&mut self, compensator: &Compensator<T>, codes: [i32; CHANNELS]) {
+        if !self.continues {
+            self.continues = true;
+            self.first += 1;
+            // As if it had stood still.
+            for (gathered, code) in self.gathered.iter_mut().zip(codes) {
+                (gathered.last, gathered.step) = (code, 0);
+            }
         }
-        self.last = Some(codes);
+        match compensator.mode {
+            Mode::Block => self.plain = true,
+            Mode::Pointwise => {
+                let [last, before] = self.before;
+                self.removed_g += compensator.removed_g(codes, last.zip(before));
+                self.before = [Some(codes), last];
+            }
+        }
     }
 
     /// Forgets the last samples: what follows comes after a gap.
     pub fn interrupt(&mut self) {
-        (self.last, self.before_last) = (None, None);
+        (self.plain, self.continues) = (false, false);
+        self.before = [None; 2];
     }
 
     /// Ends the block whose samples went into `moments`, and begins the next.
     pub fn close(&mut self, compensator: &Compensator<T>, moments: &Moments<T>) -> Compensated<T> {
         let block = compensator.block(moments, self);
-        *self = Self {
-            last: self.last,
-            before_last: self.before_last,
-            ..Self::default()
-        };
+        self.gathered.iter_mut().for_each(Gathered::next_block);
+        self.first = 0;
+        self.removed_g = T::zero();
         block
     }
 
-    /// Mean of the sign of a channel's distance from its zero code.
-    fn mean_sign(&self, channel: usize, count: u64) -> T {
+    /// Means of the sign of a channel's sharpened distance from its zero code, and of its square with that sign, codes^2.
+    fn kinked(&self, channel: usize, count: u64) -> (T, T) {
         let count = count as i64;
-        T::from_i64(count - 2 * i64::from(self.below[channel])) / T::from_i64(count)
+        let gathered = &self.gathered[channel];
+        let signs = count - 2 * i64::from(gathered.below);
+        let mean = |sum: i64| T::from_i64(sum) / T::from_i64(count);
+        (mean(signs), mean(gathered.signed_squares))
     }
 
     /// A sine of frequency f passes the sinc3 filter as (sin x / x)^3, x = pi f / rate, and sin^2 x is `half_step`.
     /// 1 / sinc^2 = (asin s / s)^2 = 1 + s^2/3 + 8 s^4/45 + 4 s^6/35 + ..., which is exact for a sine, and for a wider
     /// spectrum to the first order in its mean square frequency.
-    fn droop(&self, channel: usize, variance: T) -> Droop<T> {
-        let steps = T::from_i64(i64::from(self.steps.max(1)));
-        if variance <= T::zero() {
+    ///
+    /// An axis that is quiet tells no frequency, and the noise of its codes would be taken for one: no correction then.
+    fn droop(&self, channel: usize, moments: &Moments<T>, to_g: T) -> Droop<T> {
+        let variance = moments.m2()[channel];
+        if variance * to_g * to_g < T::lit(QUIET_RMS_G * QUIET_RMS_G) {
             return Droop {
                 gain: T::one(),
                 half_step: T::zero(),
             };
         }
-        let mean_square_step =
-            T::from_i64(self.squared_steps[channel].min(i64::MAX as u64) as i64) / steps;
+        let steps = moments.count().saturating_sub(u64::from(self.first)).max(1);
+        let squared_steps = self.gathered[channel].squared_steps.min(i64::MAX as u64);
+        let mean_square_step = T::from_i64(squared_steps as i64) / T::from_i64(steps as i64);
         let half_step = (mean_square_step / (T::lit(4.0) * variance)).min(T::one());
         let s2 = half_step.min(T::lit(0.5));
         let gain = T::one()
@@ -469,13 +518,16 @@ mod tests {
     #[test]
     fn sharpening_undoes_the_droop_in_the_claimed_band_and_moves_no_wave() {
         let top = core::f64::consts::PI * CLAIMED_BAND;
-        for part in 1..=100 {
+        let eighth = 0.5f64.powi(SHARPENING_SHIFT as i32);
+        for (part, (h, most)) in
+            (1..=100).flat_map(|part| [(part, (SHARPENING, 7e-4)), (part, (eighth, 4e-3))])
+        {
             let x = top * f64::from(part) / 100.0;
             let (sin, cos) = (2.0 * x).sin_cos();
-            let bend = 4.0 * SHARPENING * x.sin().powi(2);
+            let bend = 4.0 * h * x.sin().powi(2);
             let (re, im) = (1.0 + bend * cos, -bend * sin);
             let left = (x.sin() / x).powi(6) * (re * re + im * im) - 1.0;
-            assert!(left.abs() < 7e-4, "{part} %: {left:e}");
+            assert!(left.abs() < most, "{h}, {part} %: {left:e}");
             let samples = im.atan2(re) / (2.0 * x);
             assert!(samples.abs() < 0.02, "{part} %: {samples}");
         }

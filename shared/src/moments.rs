@@ -323,7 +323,7 @@ impl<T: Real> Accumulator<T> {
     pub fn push(&mut self, sample: [i32; CHANNELS]) -> Result<(), MomentsError> {
         let [a, b, c, d] = sample;
         let sample = [code24(a), code24(b), code24(c), code24(d)];
-        self.sums.push(sample, self.zero);
+        self.sums.push(sample, &self.zero);
         if self.sums.count < SUB_BLOCK as i32 {
             Ok(())
         } else {
@@ -392,7 +392,8 @@ struct Sums<T> {
     opposite: [T; 2],
     min: [i32; CHANNELS],
     max: [i32; CHANNELS],
-    modulus: [i32; CHANNELS],
+    /// Sums of what the samples are below the zero codes: one instruction less than their distance.
+    below: [i32; CHANNELS],
 }
 
 impl<T: Real> Sums<T> {
@@ -406,13 +407,13 @@ impl<T: Real> Sums<T> {
             opposite: [T::zero(); 2],
             min: [i32::MAX; CHANNELS],
             max: [i32::MIN; CHANNELS],
-            modulus: [0; CHANNELS],
+            below: [0; CHANNELS],
         }
     }
 
     /// Takes a sample; the first becomes the origin.
     #[inline]
-    fn push(&mut self, sample: [i32; CHANNELS], zero: [i32; CHANNELS]) {
+    fn push(&mut self, sample: [i32; CHANNELS], zero: &[i32; CHANNELS]) {
         if self.count == 0 {
             self.origin = sample;
         }
@@ -421,7 +422,7 @@ impl<T: Real> Sums<T> {
         each_channel(|k| {
             let difference = sample[k] - self.origin[k];
             self.first[k] += difference;
-            self.modulus[k] += (sample[k] - zero[k]).abs();
+            self.below[k] += (sample[k] - zero[k]).min(0);
             self.min[k] = self.min[k].min(sample[k]);
             self.max[k] = self.max[k].max(sample[k]);
             d[k] = T::from_i64(i64::from(difference));
@@ -453,12 +454,15 @@ impl<T: Real> Sums<T> {
             cross: [T::zero(); PAIRS.len()],
             min: self.min,
             max: self.max,
-            modulus: self.modulus.map(|s| u64::from(s.unsigned_abs())),
+            modulus: [0; CHANNELS],
         };
         let offset = self.first.map(|s| T::from_i64(i64::from(s)) / n);
         for (k, &m) in offset.iter().enumerate() {
             let first = i64::from(self.first[k]);
             moments.sum[k] = first + i64::from(self.origin[k]) * i64::from(self.count);
+            // |x| is x less twice its negative part.
+            let sum = moments.sum[k] - i64::from(zero[k]) * i64::from(self.count);
+            moments.modulus[k] = (sum - 2 * i64::from(self.below[k])).unsigned_abs();
             let [s2, s3, s4] = [self.powers[0][k], self.powers[1][k], self.powers[2][k]];
             moments.central[0][k] = s2 - n * m * m;
             moments.central[1][k] = s3 - m * (three * s2 - two * n * m * m);

@@ -4,12 +4,14 @@
 //! VRE(a0, w) = M[ u(a0 + w(t)) ] - u(a0),   u = U / K1                                            (2)
 //! ```
 //!
-//! Every term of the output model is a polynomial but the asymmetry, so (2) is exact for any zero-mean
-//! vibration from a handful of its moments:
+//! Every term of the output model is a polynomial but three that have a kink or a jump at a_I = 0, so (2) is exact for any
+//! zero-mean vibration from a handful of its moments and the means of these three:
 //!
 //! ```text
 //! VRE = k1' (M|a_I0 + w_I| - |a_I0|) + k2 m2 + k3 (3 a_I0 m2 + m3) + k4 (6 a_I0^2 m2 + 4 a_I0 m3 + m4)
-//!     + k5 (10 a_I0^3 m2 + 10 a_I0^2 m3 + 5 a_I0 m4 + m5) + k_IP c_IP + k_IO c_IO + k_PO c_PO
+//!     + k_IP c_IP + k_IO c_IO + k_PO c_PO
+//!     + k5 (10 a_I0^3 m2 + 10 a_I0^2 m3 + 5 a_I0 m4 + m5) + Kpp m2_P + Koo m2_O
+//!     + K0' (M sign(a_I0 + w_I) - sign(a_I0)) + Koq (M[(a_I0 + w_I) |a_I0 + w_I|] - a_I0 |a_I0|)
 //! ```
 //!
 //! With the moments of a sine this is (8), its parts (4), (5) and (7); with those of Gaussian noise, (9).
@@ -18,12 +20,73 @@
 //!
 //! `f32` is good to some 1e-6 of the VRE: enough for any compensation. `f64` is for identification.
 
-use crate::model::{Coefficients, NOMINAL};
-use crate::scalar::Real;
-use crate::vibration::{AbsoluteMean, Moments};
+use serde::{Deserialize, Serialize};
 
-/// The coefficients that rectify, in the order of [`Coefficients::to_nominal`]: all but K1, bias and misalignments.
-const RECTIFYING: [usize; 7] = [2, 3, 4, 5, 8, 9, 10];
+use crate::model::{Coefficients, FURTHER, NOMINAL, sign};
+use crate::scalar::Real;
+use crate::vibration::{Kinked, KinkedMeans, Moments};
+
+/// The nominal coefficients that rectify, in the order of [`Coefficients::to_nominal`]: all but K1, bias and
+/// misalignments.
+pub const NOMINAL_RECTIFYING: [usize; 7] = [2, 3, 4, 5, 8, 9, 10];
+
+/// Number of coefficients that rectify: those of [`NOMINAL_RECTIFYING`], then the further ones.
+pub const RECTIFYING: usize = NOMINAL_RECTIFYING.len() + FURTHER;
+
+/// Covariance of the [`RECTIFYING`] coefficients, in units of their products; symmetric. Those of no covariance are known
+/// for sure.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Covariance<T>(
+    /// Lower triangle, row by row; cut into pieces that serde knows.
+    [[T; RECTIFYING + 1]; RECTIFYING / 2],
+);
+
+impl<T: Real> Default for Covariance<T> {
+    fn default() -> Self {
+        Self::from_fn(|_, _| T::zero())
+    }
+}
+
+impl<T: Real> Covariance<T> {
+    /// Of the elements of its lower triangle by row and column.
+    pub fn from_fn(element: impl Fn(usize, usize) -> T) -> Self {
+        let mut packed = [[T::zero(); RECTIFYING + 1]; RECTIFYING / 2];
+        let triangle = (0..RECTIFYING).flat_map(|row| (0..=row).map(move |column| (row, column)));
+        for (to, (row, column)) in packed.as_flattened_mut().iter_mut().zip(triangle) {
+            *to = element(row, column);
+        }
+        Self(packed)
+    }
+
+    /// Of the eleven nominal coefficients, in the order of [`Coefficients::to_nominal`]; the further ones are known for
+    /// sure. The lower triangle is taken.
+    pub fn from_nominal(covariance: &[[T; NOMINAL]; NOMINAL]) -> Self {
+        Self::from_fn(|row, column| {
+            let nominal = |k: usize| NOMINAL_RECTIFYING.get(k);
+            match (nominal(row), nominal(column)) {
+                (Some(&row), Some(&column)) => covariance[row][column],
+                _ => T::zero(),
+            }
+        })
+    }
+
+    /// One element.
+    pub fn get(&self, row: usize, column: usize) -> T {
+        let (low, high) = (row.min(column), row.max(column));
+        self.0.as_flattened()[high * (high + 1) / 2 + low]
+    }
+
+    /// The same numbers in another precision.
+    pub fn narrow(&self) -> Covariance<f32> {
+        Covariance(self.0.map(|piece| piece.map(|c| c.to_f64() as f32)))
+    }
+
+    /// True when all is finite and no variance negative.
+    pub fn is_possible(&self) -> bool {
+        let mut all = self.0.as_flattened().iter();
+        all.all(|c| c.is_finite()) && (0..RECTIFYING).all(|k| self.get(k, k) >= T::zero())
+    }
+}
 
 /// Derivatives of the vibration error (g) by the coefficients of the output model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,8 +94,8 @@ pub struct Sensitivity<T> {
     /// By the eleven coefficients in the order of [`Coefficients::to_nominal`]; zero for K1, bias and
     /// misalignments.
     pub nominal: [T; NOMINAL],
-    /// By the fifth-order nonlinearity.
-    pub fifth_order: T,
+    /// By the further coefficients in the order of [`Coefficients::to_further`].
+    pub further: [T; FURTHER],
 }
 
 impl<T: Real> Sensitivity<T> {
@@ -51,11 +114,12 @@ impl<T: Real> Sensitivity<T> {
             T::lit(10.0),
         );
         let zero = T::zero();
+        let [jump, absolute, signed_square] = kinked_excess(a, &w);
         Self {
             nominal: [
                 zero,
                 zero,
-                absolute_excess(a, &w),
+                absolute,
                 w.m2_g2,
                 three * a * w.m2_g2 + w.m3_g3,
                 six * a2 * w.m2_g2 + four * a * w.m3_g3 + w.m4_g4,
@@ -65,34 +129,71 @@ impl<T: Real> Sensitivity<T> {
                 w.cross_io_g2,
                 w.cross_po_g2,
             ],
-            fifth_order: ten * a2 * (a * w.m2_g2 + w.m3_g3) + five * a * w.m4_g4 + w.m5_g5,
+            further: [
+                ten * a2 * (a * w.m2_g2 + w.m3_g3) + five * a * w.m4_g4 + w.m5_g5,
+                jump,
+                signed_square,
+                w.m2_p_g2,
+                w.m2_o_g2,
+            ],
         }
     }
 
     /// The vibration error of an instrument with these coefficients, g.
     pub fn vre_g(&self, coefficients: &Coefficients<T>) -> T {
-        let c = coefficients.to_nominal();
-        let mut sum = self.fifth_order * coefficients.fifth_order_per_g4;
-        for (s, c) in self.nominal.iter().zip(c) {
-            sum += *s * c;
+        // Written out, the instrument does it in a third of the instructions.
+        let (c, s, further) = (coefficients, &self.nominal, &self.further);
+        s[2] * c.asymmetry
+            + s[3] * c.second_order_per_g
+            + s[4] * c.third_order_per_g2
+            + s[5] * c.fourth_order_per_g3
+            + s[8] * c.cross_ip_per_g
+            + s[9] * c.cross_io_per_g
+            + s[10] * c.cross_po_per_g
+            + further[0] * c.fifth_order_per_g4
+            + further[1] * c.bias_asymmetry_g
+            + further[2] * c.odd_quadratic_per_g
+            + further[3] * c.cross_pp_per_g
+            + further[4] * c.cross_oo_per_g
+    }
+
+    /// The derivatives by the coefficients that rectify, in the order of [`Covariance`].
+    pub fn rectifying(&self) -> [T; RECTIFYING] {
+        let [_, _, asymmetry, second, third, fourth, _, _, ip, io, po] = self.nominal;
+        let [fifth, sign, odd, pp, oo] = self.further;
+        [
+            asymmetry, second, third, fourth, ip, io, po, fifth, sign, odd, pp, oo,
+        ]
+    }
+
+    /// The variance that a covariance of the coefficients gives the predicted vibration error, g^2.
+    pub fn variance_with_further_g2(&self, covariance: &Covariance<T>) -> T {
+        let s = self.rectifying();
+        let two = T::lit(2.0);
+        let mut triangle = covariance.0.as_flattened();
+        let mut sum = T::zero();
+        for (n, s_n) in s.iter().enumerate() {
+            let (row, rest) = triangle.split_at(n + 1);
+            triangle = rest;
+            // Two at a time: half of the instrument's instructions are the loop's own.
+            let (pairs, one) = row.as_chunks::<2>();
+            let (s_pairs, s_one) = s[..=n].as_chunks::<2>();
+            let mut others = one
+                .first()
+                .zip(s_one.first())
+                .map_or(T::zero(), |(c, s)| *c * *s);
+            for ([c, d], [s, t]) in pairs.iter().zip(s_pairs) {
+                others += *c * *s + *d * *t;
+            }
+            // The diagonal counts once, the others twice.
+            sum += *s_n * (two * others - row[n] * *s_n);
         }
         sum
     }
 
-    /// The variance that a covariance of the eleven coefficients gives the predicted vibration error, g^2; its lower
-    /// triangle is taken.
+    /// The same of the eleven nominal coefficients, from the lower triangle of their covariance.
     pub fn variance_g2(&self, covariance: &[[T; NOMINAL]; NOMINAL]) -> T {
-        let two = T::lit(2.0);
-        let mut sum = T::zero();
-        for (n, &j) in RECTIFYING.iter().enumerate() {
-            let s = self.nominal[j];
-            let mut others = T::zero();
-            for &k in &RECTIFYING[..n] {
-                others += covariance[j][k] * self.nominal[k];
-            }
-            sum += s * (covariance[j][j] * s + two * others);
-        }
-        sum
+        self.variance_with_further_g2(&Covariance::from_nominal(covariance))
     }
 }
 
@@ -106,47 +207,77 @@ pub fn vre_g<T: Real>(
     Sensitivity::new(a0_i_g, vibration).vre_g(coefficients)
 }
 
-/// M|a0 + w_I| - |a0| in g, the factor of the asymmetry k1'.
-fn absolute_excess<T: Real>(a0: T, w: &Moments<T>) -> T {
-    let a = a0.abs();
-    match w.absolute {
-        AbsoluteMean::Measured(mean) => mean - a,
-        AbsoluteMean::Harmonic => harmonic_excess(a, (T::lit(2.0) * w.m2_g2).sqrt()),
-        AbsoluteMean::NearGaussian => near_gaussian_excess(a0, w),
+/// The means of sign(a_I), |a_I| and a_I |a_I| less their values at rest: the factors of K0', k1' and Koq.
+fn kinked_excess<T: Real>(a0: T, w: &Moments<T>) -> [T; 3] {
+    match w.kinked {
+        Kinked::Measured(KinkedMeans {
+            sign: mean,
+            absolute_g,
+            signed_square_g2,
+        }) => [mean - sign(a0), absolute_g, signed_square_g2],
+        Kinked::Harmonic => harmonic_excess(a0, w.m2_g2),
+        Kinked::NearGaussian => near_gaussian_excess(a0, w),
     }
 }
 
-/// (4), written with the arc cosine, so that nothing cancels near |a0| = |w|. `a` = |a0|, `amplitude` >= 0.
-fn harmonic_excess<T: Real>(a: T, amplitude: T) -> T {
-    if a >= amplitude {
-        return T::zero();
-    }
-    let root = ((amplitude - a) * (amplitude + a)).sqrt();
-    T::FRAC_2_PI() * (root - a * (a / amplitude).acos())
-}
-
-/// The asymmetry's part of (9), plus the Gram-Charlier correction for skewness s and kurtosis k:
+/// Of a sine of amplitude w = sqrt(2 m2): for |a0| < w, with phi = arccos(|a0| / w), root = sqrt(w^2 - a0^2),
 ///
 /// ```text
-/// sigma sqrt(2/pi) exp(-alpha^2/2) - |a0| erfc(|alpha|/sqrt 2)
-///   + 2 sigma phi(alpha) [ -s alpha / 6 + (k - 3)(alpha^2 - 1) / 24 ],   alpha = a0 / sigma
+/// M sign(a_I) - sign(a0) = -(2/pi) phi sign(a0)
+/// M|a_I| - |a0|          = (2/pi) (root - |a0| phi)                                                (4)
+/// M[a_I|a_I|] - a0|a0|   = { w^2/2 + (2/pi) [1.5 |a0| root - (a0^2 + w^2/2) phi] } sign(a0)
+/// ```
+///
+/// and otherwise 0, 0, m2 sign(a0). Written with the arc cosine nothing cancels near |a0| = w.
+fn harmonic_excess<T: Real>(a0: T, m2: T) -> [T; 3] {
+    let (a, amplitude) = (a0.abs(), (T::lit(2.0) * m2).sqrt());
+    if a >= amplitude {
+        return [T::zero(), T::zero(), m2 * sign(a0)];
+    }
+    let two_pi = T::FRAC_2_PI();
+    let root = ((amplitude - a) * (amplitude + a)).sqrt();
+    let phi = (a / amplitude).acos();
+    let square = m2 + two_pi * (T::lit(1.5) * a * root - (a * a + m2) * phi);
+    [
+        -two_pi * phi * sign(a0),
+        two_pi * (root - a * phi),
+        square * sign(a0),
+    ]
+}
+
+/// Of Gaussian noise, with alpha = a0 / sigma and phi the normal density; M|a_I| is the asymmetry's part of (9), plus
+/// the Gram-Charlier correction for skewness s and kurtosis k:
+///
+/// ```text
+/// M sign(a_I) - sign(a0) = -erfc(|alpha|/sqrt 2) sign(a0)
+/// M|a_I| - |a0|          = 2 sigma phi(alpha) [1 - s alpha / 6 + (k - 3)(alpha^2 - 1) / 24]
+///                        - |a0| erfc(|alpha|/sqrt 2)
+/// M[a_I|a_I|] - a0|a0|   = { sigma^2 + 2 |a0| sigma phi(alpha)
+///                        - (a0^2 + sigma^2) erfc(|alpha|/sqrt 2) } sign(a0)
 /// ```
 ///
 /// The correction is E[f He_n] = E[f^(n)] for f = |a0 + sigma x|, whose second derivative is 2 sigma^2 times
-/// a delta function at a0 + sigma x = 0.
-fn near_gaussian_excess<T: Real>(a0: T, w: &Moments<T>) -> T {
-    let sigma = w.m2_g2.sqrt();
+/// a delta function at a0 + sigma x = 0. The other two are needed for predictions from a density only, where the further
+/// coefficients are zero; they do without.
+fn near_gaussian_excess<T: Real>(a0: T, w: &Moments<T>) -> [T; 3] {
+    let m2 = w.m2_g2;
+    let sigma = m2.sqrt();
     if sigma <= T::zero() {
-        return T::zero();
+        return [T::zero(); 3];
     }
-    let alpha = a0 / sigma;
+    let (a, alpha) = (a0.abs(), a0 / sigma);
     let alpha2 = alpha * alpha;
     let two_density = T::FRAC_2_SQRT_PI() * T::FRAC_1_SQRT_2() * (-T::lit(0.5) * alpha2).exp();
-    let skew = w.m3_g3 / (w.m2_g2 * sigma);
-    let excess = w.m4_g4 / (w.m2_g2 * w.m2_g2) - T::lit(3.0);
+    let beyond = (alpha.abs() * T::FRAC_1_SQRT_2()).erfc();
+    let skew = w.m3_g3 / (m2 * sigma);
+    let excess = w.m4_g4 / (m2 * m2) - T::lit(3.0);
     let correction = -skew * alpha / T::lit(6.0) + excess * (alpha2 - T::one()) / T::lit(24.0);
-    sigma * two_density * (T::one() + correction)
-        - a0.abs() * (alpha.abs() * T::FRAC_1_SQRT_2()).erfc()
+    let square = m2 + a * sigma * two_density - (a * a + m2) * beyond;
+    [
+        -beyond * sign(a0),
+        sigma * two_density * (T::one() + correction) - a * beyond,
+        square * sign(a0),
+    ]
 }
 
 #[cfg(test)]
@@ -156,11 +287,10 @@ mod tests {
     use crate::vibration::{Harmonic, Random};
 
     fn instrument() -> Coefficients<f64> {
-        let mut c = Coefficients::from_nominal([
+        Coefficients::from_nominal([
             1.3, 1e-4, -6.2e-4, 3.9e-4, 2.7e-4, -4.9e-5, 3.8e-4, -6e-4, -4.6e-5, 2.6e-5, 5e-5,
-        ]);
-        c.fifth_order_per_g4 = 7e-6;
-        c
+        ])
+        .with_further([7e-6, 3e-4, -2e-4, 1.1e-4, -9e-5])
     }
 
     /// (2) as it stands: the time mean of the output model, sample by sample, less the output at rest.
@@ -177,9 +307,25 @@ mod tests {
         sum / n - c.error_g(a0)
     }
 
+    /// The instrument without its jump, and with nothing but that: a mean over a grid takes a jump for one up to half a step
+    /// away, which is its error.
+    fn with_and_without_jump() -> (Coefficients<f64>, Coefficients<f64>) {
+        let (c, nothing) = (instrument(), Coefficients::default());
+        let bias_asymmetry_g = c.bias_asymmetry_g;
+        let smooth = Coefficients {
+            bias_asymmetry_g: 0.0,
+            ..c
+        };
+        let jump = Coefficients {
+            bias_asymmetry_g,
+            ..nothing
+        };
+        (smooth, jump)
+    }
+
     #[test]
     fn harmonic_form_equals_the_time_mean_of_the_output() {
-        let c = instrument();
+        let (c, jump) = with_and_without_jump();
         let direction = SpecificForce::new(0.6, -0.64, 0.48);
         for peak in [0.1f64, 0.9, 3.0, 6.0] {
             for a0 in [-1.0f64, 0.0, 0.5, 1.0] {
@@ -194,31 +340,24 @@ mod tests {
                 let n = 200_000;
                 let phase = |k| (f64::from(k) + 0.5) / f64::from(n) * core::f64::consts::TAU;
                 let truth = time_mean_vre(&c, g, (0..n).map(|k| at(phase(k).sin())));
-                let predicted = vre_g(
-                    &c,
-                    a0,
-                    Harmonic {
-                        amplitude_g: at(1.0),
-                    },
-                );
+                let sine = Harmonic {
+                    amplitude_g: at(1.0),
+                };
+                let predicted = vre_g(&c, a0, sine);
                 assert!(
                     (predicted - truth).abs() < 1e-12,
                     "{peak} {a0}: {predicted} {truth}"
                 );
-                let single = Coefficients::<f32> {
-                    scale_factor_v_per_g: 1.3,
-                    bias_g: 1e-4,
-                    asymmetry: -6.2e-4,
-                    second_order_per_g: 3.9e-4,
-                    third_order_per_g2: 2.7e-4,
-                    fourth_order_per_g3: -4.9e-5,
-                    fifth_order_per_g4: 7e-6,
-                    misalignment_oa_rad: 3.8e-4,
-                    misalignment_pa_rad: -6e-4,
-                    cross_ip_per_g: -4.6e-5,
-                    cross_io_per_g: 2.6e-5,
-                    cross_po_per_g: 5e-5,
-                };
+                let jumping = time_mean_vre(&jump, g, (0..n).map(|k| at(phase(k).sin())));
+                // Two passages through zero, each half a step off at the most, 2 K0' high.
+                let tolerance = 2.0 * jump.bias_asymmetry_g / f64::from(n) + 1e-12;
+                let predicted = vre_g(&jump, a0, sine);
+                assert!(
+                    (predicted - jumping).abs() < tolerance,
+                    "{peak} {a0}: {predicted} {jumping}"
+                );
+                let single = Coefficients::from_nominal(c.to_nominal().map(|c| c as f32))
+                    .with_further(c.to_further().map(|c| c as f32));
                 let w = at(1.0);
                 let f32_vre = vre_g(
                     &single,
@@ -234,25 +373,45 @@ mod tests {
         }
     }
 
+    #[test]
+    fn variance_is_the_quadratic_form_of_the_whole_covariance() {
+        let element = |j: usize, k: usize| (1 + j.min(k) + 16 * j.max(k)) as f64;
+        let covariance = Covariance::from_fn(element);
+        let amplitude_g = SpecificForce::new(0.8, 0.5, -0.3);
+        let sensitivity = Sensitivity::new(0.4, Harmonic { amplitude_g });
+        let s = sensitivity.rectifying();
+        let mut sum = 0.0;
+        for j in 0..RECTIFYING {
+            for k in 0..RECTIFYING {
+                assert_eq!(covariance.get(j, k), element(j, k));
+                sum += s[j] * element(j, k) * s[k];
+            }
+        }
+        let variance = sensitivity.variance_with_further_g2(&covariance);
+        assert!((variance / sum - 1.0).abs() < 1e-14, "{variance} {sum}");
+    }
+
     /// The time mean over Gaussian noise by the midpoint rule on a grid of two independent normals.
     #[test]
     fn random_form_equals_the_mean_over_gaussian_noise() {
-        let c = instrument();
+        let (c, jump) = with_and_without_jump();
         let (rho, n, reach) = (-0.4f64, 1600, 8.0);
         let step = 2.0 * reach / f64::from(n);
         let node = |k: i32| (f64::from(k) + 0.5) * step - reach;
         let density = |x: f64| (-0.5 * x * x).exp() * step / core::f64::consts::TAU.sqrt();
         for sigma in [0.3f64, 1.0, 2.5] {
             for a0 in [-1.0, 0.0, 0.5] {
-                let mut mean = 0.0;
+                let (mut mean, mut jumping) = (0.0, 0.0);
+                let at_rest = SpecificForce::new(a0, 0.0, 0.0);
                 for j in 0..n {
                     let x = node(j);
+                    let along = SpecificForce::new(a0 + sigma * x, 0.0, 0.0);
+                    jumping += density(x) * (jump.error_g(along) - jump.error_g(at_rest));
                     for k in (0..n).step_by(4) {
                         let y = rho * x + (1.0 - rho * rho).sqrt() * (node(k) + 1.5 * step);
                         let a = SpecificForce::new(a0 + sigma * x, 0.8 * sigma * y, 0.0);
                         let weight = 4.0 * density(x) * density(node(k) + 1.5 * step);
-                        mean +=
-                            weight * (c.error_g(a) - c.error_g(SpecificForce::new(a0, 0.0, 0.0)));
+                        mean += weight * (c.error_g(a) - c.error_g(at_rest));
                     }
                 }
                 let vibration = Random {
@@ -265,6 +424,13 @@ mod tests {
                 assert!(
                     (predicted - mean).abs() < tolerance,
                     "{sigma} {a0}: {predicted} {mean}"
+                );
+                // Half a step of the grid, under the density's peak of 0.4, 2 K0' high.
+                let tolerance = 0.4 * step * jump.bias_asymmetry_g + 1e-12;
+                let predicted = vre_g(&jump, a0, vibration);
+                assert!(
+                    (predicted - jumping).abs() < tolerance,
+                    "{sigma} {a0}: {predicted} {jumping}"
                 );
             }
         }
@@ -294,7 +460,13 @@ mod tests {
                 cross_ip_g2: mean(&|w| w.i * w.p),
                 cross_io_g2: mean(&|w| w.i * w.o),
                 cross_po_g2: mean(&|w| w.p * w.o),
-                absolute: AbsoluteMean::Measured(mean(&|w| (a0 + w.i).abs())),
+                m2_p_g2: mean(&|w| w.p.powi(2)),
+                m2_o_g2: mean(&|w| w.o.powi(2)),
+                kinked: Kinked::Measured(KinkedMeans {
+                    sign: mean(&|w| sign(a0 + w.i)),
+                    absolute_g: mean(&|w| (a0 + w.i).abs()) - a0.abs(),
+                    signed_square_g2: mean(&|w| (a0 + w.i) * (a0 + w.i).abs()) - a0 * a0.abs(),
+                }),
             };
             let truth = time_mean_vre(&c, SpecificForce::new(a0, 0.3, 0.4), (0..n).map(wave));
             // The rounding of a mean of 4096 outputs of some g.
@@ -337,7 +509,7 @@ mod tests {
                 let truth = mean(&|w| (a0 + w / rms).abs()) - a0;
                 let form = |s, k| {
                     let rms = SpecificForce::new(1.0, 0.0, 0.0);
-                    absolute_excess(a0, &Moments::near_gaussian(rms, [0.0; 3], s, k))
+                    kinked_excess(a0, &Moments::near_gaussian(rms, [0.0; 3], s, k))[1]
                 };
                 plain += (form(0.0, 3.0) - truth).powi(2);
                 corrected += (form(skew, kurt) - truth).powi(2);

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::identify::square_root::FactorError;
 use crate::identify::static_test::{Bench, Reading, StaticTest, StaticTestError};
-use crate::model::{Coefficients, NOMINAL};
+use crate::model::{Coefficients, FURTHER, NOMINAL};
 use crate::tumble::Position;
 use crate::wire::message::{Block, CHANNELS};
 
@@ -172,7 +172,8 @@ pub enum Verdict {
     Converter = 1 << 5,
     /// The reference does not see the specific force of the dial's position.
     Reference = 1 << 6,
-    /// Coefficients differ from the stored ones.
+    /// Coefficients differ from the stored ones; not told where further coefficients are stored beside the nominal ones, which
+    /// a static test alone does not find apart from them.
     Changed = 1 << 7,
 }
 
@@ -365,7 +366,8 @@ impl<'a> SelfCheck<'a> {
         verdicts.add_if(Verdict::Noise, noise_g > limits.noise_g);
         verdicts.add_if(Verdict::Converter, self.lost > 0 || converter_faults > 0);
         verdicts.add_if(Verdict::Reference, self.reference_g > limits.reference_g);
-        if let Some(stored) = stored {
+        let nominal = |c: &&Coefficients<f64>| c.to_further() == [0.0; FURTHER];
+        if let Some(stored) = stored.filter(nominal) {
             let changed = stored.to_nominal().into_iter().enumerate().any(|(k, was)| {
                 let determined = fit.visibility.determines(k);
                 determined && (coefficients[k] - was).abs() > limits.change_sigmas * sigma[k]

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::SpecificForce;
+use crate::model::{SpecificForce, sign};
 use crate::scalar::Real;
 
 /// A sine along one fixed line, w_j(t) = w_j sin(2 pi f t).
@@ -31,29 +31,34 @@ pub struct Random<T> {
 impl<T: Real> Random<T> {
     /// Noise along one fixed line: `sigma_g` holds the signed components of one vector, g.
     pub fn along(sigma_g: SpecificForce<T>) -> Self {
-        let sign = |x: T, y: T| {
-            if x * y == T::zero() {
-                T::zero()
-            } else {
-                (x * y).signum()
-            }
-        };
         let s = sigma_g;
         Self {
             sigma_g: SpecificForce::new(s.i.abs(), s.p.abs(), s.o.abs()),
-            correlation: [sign(s.i, s.p), sign(s.i, s.o), sign(s.p, s.o)],
+            correlation: [sign(s.i * s.p), sign(s.i * s.o), sign(s.p * s.o)],
         }
     }
 }
 
-/// How M|a0 + w_I| is known; it decides the part of the scale-factor asymmetry.
+/// Time means of the three functions of a_I = a0 + w_I that are no polynomial; of the two that do not jump only what they are
+/// beyond their values at a0, which hardly changes with a0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KinkedMeans<T> {
+    /// M sign(a_I), -1 to 1: the factor of the bias asymmetry.
+    pub sign: T,
+    /// M|a_I| - |a0|, g: the factor of the scale-factor asymmetry.
+    pub absolute_g: T,
+    /// M[a_I |a_I|] - a0 |a0|, g^2: the factor of the odd second order.
+    pub signed_square_g2: T,
+}
+
+/// How [`KinkedMeans`] are known; it decides the parts of the two asymmetries and of the odd second order.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum AbsoluteMean<T> {
-    /// Measured about this very a0, g.
-    Measured(T),
+pub enum Kinked<T> {
+    /// Measured about this very a0.
+    Measured(KinkedMeans<T>),
     /// w_I is a sine, its amplitude the root of 2 m2: equations (3), (4).
     Harmonic,
-    /// w_I is nearly Gaussian: the density of m2, corrected for m3 and m4 by the Gram-Charlier series.
+    /// w_I is nearly Gaussian: the density of m2, for M|a_I| corrected for m3 and m4 by the Gram-Charlier series.
     NearGaussian,
 }
 
@@ -74,8 +79,12 @@ pub struct Moments<T> {
     pub cross_io_g2: T,
     /// M[w_P w_O], g^2.
     pub cross_po_g2: T,
-    /// What is known of M|a0 + w_I|.
-    pub absolute: AbsoluteMean<T>,
+    /// M[w_P^2], g^2; only the optional squares across ask for it and the next.
+    pub m2_p_g2: T,
+    /// M[w_O^2], g^2.
+    pub m2_o_g2: T,
+    /// What is known of the functions with a kink.
+    pub kinked: Kinked<T>,
 }
 
 impl<T: Real> Moments<T> {
@@ -94,7 +103,9 @@ impl<T: Real> Moments<T> {
             cross_ip_g2: correlation[0] * rms_g.i * rms_g.p,
             cross_io_g2: correlation[1] * rms_g.i * rms_g.o,
             cross_po_g2: correlation[2] * rms_g.p * rms_g.o,
-            absolute: AbsoluteMean::NearGaussian,
+            m2_p_g2: rms_g.p * rms_g.p,
+            m2_o_g2: rms_g.o * rms_g.o,
+            kinked: Kinked::NearGaussian,
         }
     }
 }
@@ -112,7 +123,9 @@ impl<T: Real> From<Harmonic<T>> for Moments<T> {
             cross_ip_g2: half * w.i * w.p,
             cross_io_g2: half * w.i * w.o,
             cross_po_g2: half * w.p * w.o,
-            absolute: AbsoluteMean::Harmonic,
+            m2_p_g2: half * w.p * w.p,
+            m2_o_g2: half * w.o * w.o,
+            kinked: Kinked::Harmonic,
         }
     }
 }

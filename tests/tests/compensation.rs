@@ -9,13 +9,17 @@ use std::f64::consts::TAU;
 use firmware::adc::registers::{Config, Oversampling, REFERENCE_V};
 use host::bench::board::VirtualBoard;
 use host::bench::converter::{Converter, OVERSAMPLING, Quiet, Signal};
+use host::bench::effects;
 use host::bench::excitation::FrontEnd;
 use host::bench::noise::{Seed, Stream};
 use host::bench::plan::Static;
 use host::bench::simulate::{Specification, VirtualBench};
-use host::identification::{Method, identify};
+use host::configuration::configuration as configuration_of;
+use host::diagnose::diagnose;
+use host::identification::{Method, NAMES, identify};
 use shared::compensate::{CLAIMED_BAND, Mode, Quality, Source};
-use shared::model::{Coefficients, NOMINAL, SpecificForce};
+use shared::model::{Coefficients, FURTHER, NOMINAL, SpecificForce};
+use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
 use shared::wire::configuration::{Calibration, Compensation, Configuration};
 use shared::wire::framing::Deframer;
 use shared::wire::message::{self, Block, Command, CompensatedBlock, Event};
@@ -71,6 +75,16 @@ impl Shaken<'_> {
         let w = self.rms_g * self.waveform[at % self.waveform.len()];
         let [i, p, o] = DIRECTION;
         SpecificForce::new(self.a0.i + i * w, self.a0.p + p * w, self.a0.o + o * w)
+    }
+
+    /// What the jump of the bias asymmetry leaves, g: a passage through zero is told to a whole sample, with a deviation of
+    /// 1/sqrt(12) of one; 3.5 standard deviations of as many as there are in a period, each 2 K0' high.
+    fn jump_g(&self, line: &Line) -> f64 {
+        let count = self.waveform.len();
+        let below = |n: usize| self.specific_force_g(n).i < 0.0;
+        let passages = (0..count).filter(|&n| below(n) != below(n + 1)).count();
+        let samples = (line.period_blocks() as u64 * line.block) as f64;
+        2.0 * self.instrument.bias_asymmetry_g.abs() * (passages as f64).sqrt() / samples
     }
 
     /// (2) as it stands, g.
@@ -217,11 +231,13 @@ impl Line {
 }
 
 /// Coefficients whose second and third order are those of the paper's Table 1. The orders above are smaller: at 20 g, the
-/// peaks of noise of 5 g rms, the table's would leave no inverse.
+/// peaks of noise of 5 g rms, the table's would leave no inverse. Of the further ones all but the fifth order, whose moment
+/// no block has.
 fn instrument() -> Coefficients<f64> {
     Coefficients::from_nominal([
         1.6, 2e-4, -6.2e-4, 3.9e-4, 2.7e-5, -4.9e-6, 3.8e-4, -6e-4, -4.6e-5, 2.6e-5, 5e-5,
     ])
+    .with_further([0.0, -2e-4, 3e-4, 1.5e-4, -1.1e-4])
 }
 
 /// With these coefficients as if they were known for sure.
@@ -230,7 +246,7 @@ fn configuration(c: &Coefficients<f64>, block: u64, mode: Mode, source: Source) 
     nominal[0] /= FRONT_END.divider;
     let coefficients = message::Coefficients {
         nominal,
-        fifth_order_per_g4: 0.0,
+        further: c.to_further(),
     };
     Configuration {
         compensation: Compensation {
@@ -241,11 +257,11 @@ fn configuration(c: &Coefficients<f64>, block: u64, mode: Mode, source: Source) 
             reference_v_per_g: [FRONT_END.reference_v_per_g as f32; 3],
             reference_zero_v: [0.0; 3],
         },
-        calibration: Some(Calibration::new(
+        calibration: Some(Calibration {
             coefficients,
-            &[[0.0; NOMINAL]; NOMINAL],
-            NOMINAL as u8,
-        )),
+            covariance: Covariance::default(),
+            rank: NOMINAL as u8,
+        }),
     }
 }
 
@@ -292,14 +308,29 @@ fn errors_g(line: &mut Line, signal: &mut Shaken<'_>) -> [f64; 2] {
 
 /// Every effect alone is to be twenty times smaller, all together not larger.
 fn compensation_holds_at(rate: (Oversampling, f64)) {
-    let all = instrument().to_nominal();
-    let alone = [2, 3, 4, 5, 8, 9, 10].map(|k| {
-        let mut one = [0.0; NOMINAL];
-        (one[0], one[k]) = (all[0], all[k]);
-        (k, Coefficients::from_nominal(one), 20.0)
+    let (all, all_further) = (instrument().to_nominal(), instrument().to_further());
+    let mut bare = [0.0; NOMINAL];
+    bare[0] = all[0];
+    let alone = NOMINAL_RECTIFYING.map(|k| {
+        let mut one = bare;
+        one[k] = all[k];
+        let across = k > 5;
+        (NAMES[k], Coefficients::from_nominal(one), 20.0, across)
     });
-    let together = (NOMINAL, instrument(), 1.0);
-    let instruments: Vec<_> = alone.into_iter().chain([together]).collect();
+    let further = [
+        (1, "K0'", false),
+        (2, "Koq", false),
+        (3, "Kpp", true),
+        (4, "Koo", true),
+    ];
+    let further = further.map(|(k, name, across)| {
+        let mut one = [0.0; FURTHER];
+        one[k] = all_further[k];
+        let instrument = Coefficients::from_nominal(bare).with_further(one);
+        (name, instrument, 20.0, across)
+    });
+    let together = ("all", instrument(), 1.0, true);
+    let instruments: Vec<_> = alone.into_iter().chain(further).chain([together]).collect();
     let mut line = Line::new(rate);
     let mut worst = [[0f64; 5]; WAYS.len()];
     for (n, rms_g) in (0..).zip([0.1, 0.5, 2.0, 5.0]) {
@@ -311,9 +342,9 @@ fn compensation_holds_at(rate: (Oversampling, f64)) {
             ("1/f^2", line.noise(-2.0, Seed(n).stream("shaped", 0))),
         ];
         for (way, (mode, source)) in WAYS.into_iter().enumerate() {
-            for (k, instrument, smaller) in &instruments {
-                // Couplings need the reference; at 5 g the instrument's nonlinearity is in its own moments.
-                if source == Source::Instrument && (*k > 5 || rms_g > 2.0) {
+            for (coefficient, instrument, smaller, across) in &instruments {
+                // What acts across needs the reference; at 5 g the instrument's nonlinearity is in its own moments.
+                if source == Source::Instrument && (*across || rms_g > 2.0) {
                     continue;
                 }
                 let with = configuration(instrument, line.block, mode, source);
@@ -329,9 +360,10 @@ fn compensation_holds_at(rate: (Oversampling, f64)) {
                         waveform,
                     };
                     let [before_g, after_g] = errors_g(&mut line, &mut signal);
+                    let allowed_g = before_g / smaller + FLOOR_G + signal.jump_g(&line);
                     assert!(
-                        after_g <= before_g / smaller + FLOOR_G,
-                        "{mode:?}, {source:?}, coefficient {k}, {name}, {rms_g} g rms at {a0:?}: {before_g:e} g -> \
+                        after_g <= allowed_g,
+                        "{mode:?}, {source:?}, {coefficient}, {name}, {rms_g} g rms at {a0:?}: {before_g:e} g -> \
                          {after_g:e} g"
                     );
                     if *smaller > 1.0 && before_g > 20.0 * FLOOR_G {
@@ -451,13 +483,15 @@ fn blocks_that_deserve_no_trust_say_why() {
         for (volts, clipped) in [(0.0, 0), (0.7, 0), (-2.0, Quality::SATURATED)] {
             let (quality, freed) = say(with(mode), &mut Unplugged(sound, volts));
             assert_eq!(quality, Quality::REFERENCE_LOST | clipped);
-            // What the misalignment makes of gravity on PA is lost with the reference, and so are the couplings.
+            // What the misalignment makes of gravity on PA is lost with the reference, and so are couplings and squares.
             let [p, o] = [sound.a0.p, sound.a0.o];
             let seen = sound.a0.i
                 + instrument.misalignment_oa_rad * p
                 + instrument.cross_ip_per_g * (sound.a0.i * p + DIRECTION[0] * DIRECTION[1])
                 + instrument.cross_io_per_g * (sound.a0.i * o + DIRECTION[0] * DIRECTION[2])
-                + instrument.cross_po_per_g * DIRECTION[1] * DIRECTION[2];
+                + instrument.cross_po_per_g * DIRECTION[1] * DIRECTION[2]
+                + instrument.cross_pp_per_g * (p * p + DIRECTION[1] * DIRECTION[1])
+                + instrument.cross_oo_per_g * (o * o + DIRECTION[2] * DIRECTION[2]);
             let error_g = (freed.specific_force_g - seen).abs();
             assert!(
                 error_g < sound.vre_g().abs() / 20.0,
@@ -578,7 +612,8 @@ fn configure_from_static_test(line: &mut Line, plan: Static, seed: u64) -> Coeff
     let found = identify(&bench.simulate().campaign, Method::LeastSquares, None);
     let found = found.expect("determined");
     let block = line.block as u16;
-    let with = found.configuration(&FRONT_END, Mode::Block, Source::Reference, block);
+    let known = found.calibration();
+    let with = configuration_of(&known, &FRONT_END, Mode::Block, Source::Reference, block);
     line.send(Command::Configure(with));
     bench.accelerometer.coefficients
 }
@@ -608,12 +643,80 @@ fn the_uncertainty_that_blocks_state_holds_for_coefficients_from_a_static_test()
             *square += (error_g / f64::from(block.vre_sigma_g)).powi(2);
         }
     }
-    // Chi-square over its degrees of freedom, at 4.5 sigma on either side, by Wilson and Hilferty.
-    let variance = 2.0 / (9.0 * seeds as f64);
+    for sum in squares {
+        assert_chi_square(sum, seeds);
+    }
+}
+
+/// Chi-square over its degrees of freedom, at 4.5 sigma on either side, by Wilson and Hilferty.
+fn assert_chi_square(sum: f64, degrees_of_freedom: u64) {
+    let freedom = degrees_of_freedom as f64;
+    let variance = 2.0 / (9.0 * freedom);
     let quantile = |z: f64| (1.0 - variance + z * variance.sqrt()).powi(3);
-    for square in squares.map(|sum| sum / seeds as f64) {
-        let range = quantile(-4.5)..quantile(4.5);
-        assert!(range.contains(&square), "{squares:?}: not in {range:?}");
+    let (square, range) = (sum / freedom, quantile(-4.5)..quantile(4.5));
+    assert!(range.contains(&square), "{square}: not in {range:?}");
+}
+
+/// The whole way: campaigns of instruments with a term beyond the nominal model, their diagnosis, what that hands to the
+/// instrument, and vibration on board.
+#[test]
+fn a_diagnosed_term_is_taken_out_on_board_with_its_uncertainty_stated() {
+    let mut line = Line::new(RATES[0]);
+    // 115 Hz pass every phase. A kink sampled at forty phases only costs as much as the coefficients' uncertainty.
+    let waveforms = [
+        line.sine(115.0),
+        line.noise(-2.0, Seed(1).stream("shaped", 0)),
+    ];
+    // One block a period: its vibration error is that of the whole waveform.
+    line.block *= line.period_blocks() as u64;
+    let seeds = 20;
+    let mut stated = [0.0; 2];
+    let mut errors = [0.0; 2];
+    for seed in 0..seeds {
+        let draw = effects::find("odd-quadratic").expect("an effect").draw;
+        let effect = draw(1.0, &mut Seed(seed).stream("effect", 0));
+        let specification = Specification::with_dial_sigma(1.0);
+        let bench = VirtualBench::new(Seed(seed), Static::Default, specification, vec![effect]);
+        let simulation = bench.simulate();
+        let truth = &simulation.truth.effects[0].parameters["Koq_per_g"];
+        let instrument = Coefficients {
+            odd_quadratic_per_g: truth.as_f64().expect("a number"),
+            ..bench.accelerometer.coefficients
+        };
+        let diagnosis = diagnose(&simulation.campaign, &[]).expect("determined");
+        let compensation = diagnosis.diagnosis.compensation.expect("explained");
+        assert_eq!(compensation.carried, ["odd-quadratic"]);
+        let nominal = identify(&simulation.campaign, Method::LeastSquares, None);
+        let known = [
+            nominal.expect("determined").calibration(),
+            compensation.calibration(),
+        ];
+        for (n, known) in known.iter().enumerate() {
+            let block = line.block as u16;
+            let with = configuration_of(known, &FRONT_END, Mode::Block, Source::Reference, block);
+            line.send(Command::Configure(with));
+            for (k, waveform) in waveforms.iter().enumerate() {
+                let mut signal = Shaken {
+                    instrument: &instrument,
+                    a0: attitudes()[2],
+                    rms_g: 1.5,
+                    waveform,
+                };
+                let block = line.blocks(1, &mut signal)[0];
+                let error_g = f64::from(block.vre_g) - signal.vre_g();
+                errors[n] += error_g * error_g;
+                if n == 1 {
+                    stated[k] += (error_g / f64::from(block.vre_sigma_g)).powi(2);
+                }
+            }
+        }
+    }
+    let [without_g, with_g] = errors.map(|sum: f64| (sum / (2 * seeds) as f64).sqrt());
+    println!("{without_g:e} g without the term, {with_g:e} g with it; {stated:?} of {seeds}");
+    // Some 1e-4 g of a term of 3e-4 1/g at 1.2 g rms, against the uncertainty of a whole campaign with its shaker runs.
+    assert!(with_g < without_g / 10.0, "{without_g:e} g, {with_g:e} g");
+    for sum in stated {
+        assert_chi_square(sum, seeds);
     }
 }
 

@@ -4,6 +4,7 @@
 
 use shared::compensate::{Mode, Quality, Source};
 use shared::identify::static_test::Bench;
+use shared::rectification::Covariance;
 use shared::self_check::{Outcome, SetUp, Verdict, Verdicts};
 use shared::wire::configuration::{Calibration, Compensation, Configuration};
 use shared::wire::framing::{Frame, Packet};
@@ -36,7 +37,7 @@ const COEFFICIENTS: Coefficients = Coefficients {
     nominal: [
         1.25, 1e-4, -6e-4, 4e-4, 3e-4, -5e-5, 4e-4, -6e-4, -5e-5, 3e-6, 5e-5,
     ],
-    fifth_order_per_g4: 7e-6,
+    further: [7e-6, 2e-4, -3e-4, 1e-4, -8e-5],
 };
 
 const COMPENSATION: Compensation = Compensation {
@@ -50,8 +51,7 @@ const COMPENSATION: Compensation = Compensation {
 
 /// Every number of the covariance another one.
 fn configuration() -> Configuration {
-    let covariance =
-        std::array::from_fn(|j| std::array::from_fn(|k| (1 + j * 11 + k) as f32 * 1e-12));
+    let covariance = Covariance::from_fn(|j, k| (1 + j * 12 + k) as f32 * 1e-12);
     Configuration {
         compensation: COMPENSATION,
         calibration: Some(Calibration {

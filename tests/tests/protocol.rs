@@ -6,6 +6,8 @@ use firmware::app::{App, Keep, Kept};
 use firmware::link::{MAX_ORDERS, Queues, RAW_SAMPLES};
 use firmware::sampler::Sampler;
 use shared::compensate::{Mode, Source};
+use shared::model::FURTHER;
+use shared::rectification::Covariance;
 use shared::wire::configuration::{Calibration, Compensation, Configuration};
 use shared::wire::framing::{Frame, Packet};
 use shared::wire::message::{
@@ -267,7 +269,7 @@ fn coefficients() -> Coefficients {
     nominal[1] = 0.003;
     Coefficients {
         nominal,
-        fifth_order_per_g4: 0.0,
+        further: [0.0; FURTHER],
     }
 }
 
@@ -335,7 +337,7 @@ fn configuration() -> Configuration {
         },
         calibration: Some(Calibration {
             coefficients: coefficients(),
-            covariance: [[0.0; 11]; 6],
+            covariance: Covariance::default(),
             rank: 11,
         }),
     }
@@ -408,7 +410,7 @@ fn a_configuration_holds_from_the_next_sample_on_is_kept_and_is_read_back() {
 fn a_configuration_that_cannot_be_is_refused_and_changes_nothing() {
     let mut queues = Queues::new();
     let mut instrument = Instrument::greeted(&mut queues);
-    let spoilt: [fn(&mut Configuration, &mut Calibration); 8] = [
+    let spoilt: [fn(&mut Configuration, &mut Calibration); 9] = [
         |c, _| c.compensation.block_samples = 3,
         |c, _| c.compensation.nominal_v_per_g = 0.0,
         |c, _| c.compensation.reference_v_per_g[1] = 0.0,
@@ -416,8 +418,9 @@ fn a_configuration_that_cannot_be_is_refused_and_changes_nothing() {
         // Zero specific force beyond the converter's range.
         |c, _| c.compensation.reference_zero_v[2] = 1.3,
         |_, k| k.rank = 12,
-        |_, k| k.covariance[5][10] = -1.0,
+        |_, k| k.covariance = Covariance::from_fn(|_, _| -1.0),
         |_, k| k.coefficients.nominal[0] = 0.0,
+        |_, k| k.coefficients.further[4] = f64::NAN,
     ];
     for spoil in spoilt {
         let mut wrong = configuration();

@@ -8,6 +8,7 @@ use host::bench::flash::{ERASURE, Fault, Flash, Power, SECTOR, SECTORS, WORD};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use shared::compensate::{Mode, Source};
+use shared::rectification::Covariance;
 use shared::wire::configuration::{Calibration, Compensation, Configuration};
 use shared::wire::message::{Coefficients, StoreFault};
 
@@ -31,9 +32,9 @@ fn configuration(n: u32) -> Configuration {
         calibration: (n % 7 != 6).then(|| Calibration {
             coefficients: Coefficients {
                 nominal: std::array::from_fn(|k| x / (k + 1) as f64),
-                fifth_order_per_g4: -x,
+                further: std::array::from_fn(|k| -x / (k + 1) as f64),
             },
-            covariance: [[n as f32; 11]; 6],
+            covariance: Covariance::from_fn(|j, k| (n as usize + j + k) as f32),
             rank: 11,
         }),
     }

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde::Serialize;
-use shared::compensate;
+use shared::compensate::{self, Calibration};
+use shared::model::FURTHER;
+use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
 use shared::wire::configuration::Configuration;
 use shared::wire::message::StoreFault;
 
@@ -13,7 +15,9 @@ use super::{Command, Console, positive};
 use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{self, Method, NAMES};
+use crate::configuration::configuration;
+use crate::diagnose::Diagnosis;
+use crate::identification::{Method, NAMES, identify};
 use crate::link::{Kept, Link};
 use crate::source::SerialSource;
 
@@ -22,12 +26,17 @@ use crate::source::SerialSource;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   vre configure campaigns/S01000 --port /dev/ttyACM0
+  vre configure campaigns/S01000 --diagnosis diagnosis.json --port /dev/ttyACM0
   vre configure --port /dev/ttyACM0              shows what the instrument keeps
   vre configure --port /dev/ttyACM0 --erase")]
 pub struct Configure {
     /// Folder of the campaign whose coefficients it is to have; without one it is only asked
     #[arg(conflicts_with = "erase")]
     campaign: Option<PathBuf>,
+    /// Coefficients of the campaign's diagnosis (`vre diagnose --json`) in place of the static test's: with the terms that it
+    /// found beyond the nominal model
+    #[arg(long, value_name = "FILE.json", requires = "campaign")]
+    diagnosis: Option<PathBuf>,
     /// The instrument's serial port
     #[arg(long, value_name = "DEV")]
     port: PathBuf,
@@ -50,6 +59,9 @@ pub struct Configure {
     #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = positive)]
     reference: f64,
 }
+
+/// Names of the further coefficients, as [`NAMES`] has those of the nominal ones.
+const FURTHER_NAMES: [&str; FURTHER] = ["k5", "K0_prime", "Koq", "Kpp", "Koo"];
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Mode {
@@ -74,7 +86,10 @@ struct Shown {
 impl Configure {
     fn wanted(&self, campaign: &Path) -> Result<Configuration, Error> {
         let campaign = Campaign::read(campaign)?;
-        let found = identification::identify(&campaign, Method::LeastSquares, None)?;
+        let known = match &self.diagnosis {
+            Some(file) => diagnosed(file, &campaign)?,
+            None => identify(&campaign, Method::LeastSquares, None)?.calibration(),
+        };
         let front_end = FrontEnd {
             divider: self.divider,
             reference_v_per_g: self.reference,
@@ -87,12 +102,36 @@ impl Configure {
             Source::Reference => compensate::Source::Reference,
             Source::Instrument => compensate::Source::Instrument,
         };
-        let wanted = found.configuration(&front_end, mode, source, self.block);
+        let wanted = configuration(&known, &front_end, mode, source, self.block);
         if wanted.is_possible() {
             Ok(wanted)
         } else {
             let line = "no instrument can compensate with this: a block has at least 4 conversions, K1 is positive";
             Err(Error::Usage(line.into()))
+        }
+    }
+}
+
+/// What a diagnosis of that campaign's instrument has the instrument compensate with.
+fn diagnosed(file: &Path, campaign: &Campaign) -> Result<Calibration<f64>, Error> {
+    let diagnosis = Diagnosis::read(file)?;
+    let serial = &campaign.config.instrument.serial;
+    if diagnosis.serial != *serial {
+        let line = format!(
+            "it is of instrument {}, the campaign of {serial}",
+            diagnosis.serial
+        );
+        return Err(Error::input(file, line));
+    }
+    match diagnosis.compensation {
+        Some(compensation) if !compensation.carried.is_empty() => Ok(compensation.calibration()),
+        compensation => {
+            let what = match compensation {
+                Some(_) => "it holds no term that the compensation could carry",
+                None => "it leaves the gap unexplained",
+            };
+            let line = format!("{what}: leave out --diagnosis to send the static test's own");
+            Err(Error::input(file, line))
         }
     }
 }
@@ -122,6 +161,11 @@ impl Command for Configure {
     }
 }
 
+/// The standard uncertainty of one of the coefficients that rectify, to the end of its line.
+fn sigma(covariance: &Covariance<f32>, n: usize) -> String {
+    format!("  sigma {:.1e}\n", covariance.get(n, n).sqrt())
+}
+
 fn text(kept: &Kept) -> String {
     let Some(Configuration {
         compensation,
@@ -144,11 +188,18 @@ fn text(kept: &Kept) -> String {
     match calibration {
         None => text.push_str("It has no coefficients.\n"),
         Some(known) => {
-            let covariance = known.covariance();
-            for (k, name) in NAMES.iter().enumerate() {
-                let value = known.coefficients.nominal[k];
-                let sigma = covariance[k][k].sqrt();
-                let _ = writeln!(text, "{name:<12} {value:>16.8e}  sigma {sigma:.1e}");
+            let further = known.coefficients.further.into_iter();
+            let nominal = known.coefficients.nominal.into_iter();
+            for (k, (name, value)) in NAMES.into_iter().zip(nominal).enumerate() {
+                let _ = write!(text, "{name:<12} {value:>16.8e}");
+                let n = NOMINAL_RECTIFYING.iter().position(|&rectifying| rectifying == k);
+                text.push_str(&n.map_or("\n".into(), |n| sigma(&known.covariance, n)));
+            }
+            for (k, (name, value)) in FURTHER_NAMES.into_iter().zip(further).enumerate() {
+                if value != 0.0 {
+                    let _ = write!(text, "{name:<12} {value:>16.8e}");
+                    text.push_str(&sigma(&known.covariance, NOMINAL_RECTIFYING.len() + k));
+                }
             }
             let _ = writeln!(
                 text,

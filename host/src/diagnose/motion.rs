@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use shared::model::{NOMINAL, SpecificForce};
 use shared::rectification::Sensitivity;
-use shared::vibration::{AbsoluteMean, Harmonic, Moments};
+use shared::vibration::{Harmonic, Kinked, KinkedMeans, Moments};
 
 use crate::campaign::{Run, VibrationKind};
 use crate::finite_record::{ORDERS, correlation_integrals};
@@ -97,12 +97,14 @@ impl Motion {
         let h = self.second_harmonic;
         let h2 = h * h;
         let m2 = 0.5 * (1.0 + h2);
-        let absolute = if a0.abs() >= i.abs() * (1.0 + h.abs()) {
-            a0.abs()
-        } else {
-            let at = |k| (a0 + i * self.sine_at(k)).abs();
-            (0..PHASES).map(at).sum::<f64>() / PHASES as f64
-        };
+        let mut sums = [0.0; 3];
+        for k in 0..PHASES {
+            let a = a0 + i * self.sine_at(k);
+            sums[0] += if a == 0.0 { 0.0 } else { a.signum() };
+            sums[1] += a.abs() - a0.abs();
+            sums[2] += a * a.abs() - a0 * a0.abs();
+        }
+        let [sign, absolute_g, signed_square_g2] = sums.map(|sum| sum / PHASES as f64);
         Moments {
             m2_g2: m2 * i * i,
             m3_g3: 0.75 * h * i * i * i,
@@ -111,7 +113,13 @@ impl Motion {
             cross_ip_g2: m2 * i * p,
             cross_io_g2: m2 * i * o,
             cross_po_g2: m2 * p * o,
-            absolute: AbsoluteMean::Measured(absolute),
+            m2_p_g2: m2 * p * p,
+            m2_o_g2: m2 * o * o,
+            kinked: Kinked::Measured(KinkedMeans {
+                sign,
+                absolute_g,
+                signed_square_g2,
+            }),
         }
     }
 

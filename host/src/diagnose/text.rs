@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::catalogue;
+use super::compensation::NotCarried;
 use super::diagnosis::{Diagnosis, Verdict};
 use super::shrink::Shrink;
 use crate::quantity::Quantity;
@@ -114,15 +115,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         for id in &compensation.carried {
             let _ = writeln!(
                 out,
-                "on board {id}: carried by the compensation's coefficient k5 = {:.3e} 1/g^4",
-                compensation.coefficients.fifth_order_per_g4
+                "on board {id}: a coefficient of the compensation, which vre configure --diagnosis hands over"
             );
         }
-        for id in &compensation.not_carried {
-            let _ = writeln!(
-                out,
-                "on board {id}: the compensation has no coefficient for it, it stays uncompensated"
-            );
+        for NotCarried { effect, reason } in &compensation.not_carried {
+            let _ = writeln!(out, "on board {effect}: stays uncompensated: {reason}");
         }
     }
     for test in diagnosis.next_tests.iter().take(3) {

@@ -293,10 +293,10 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
         }
         @if let Some(compensation) = &diagnosis.compensation {
             @for id in &compensation.carried {
-                p { "The instrument's compensation can carry " b { (id) } " as a coefficient: it stands in the JSON with the others." }
+                p { "The instrument's compensation can carry " b { (id) } " as a coefficient: " code { "vre configure --diagnosis" } " hands it over." }
             }
-            @for id in &compensation.not_carried {
-                p { "The instrument's compensation has no coefficient for " b { (id) } ": it stays uncompensated." }
+            @for left in &compensation.not_carried {
+                p { b { (left.effect) } " stays uncompensated on board: " (left.reason) "." }
             }
         }
     }

@@ -71,12 +71,12 @@ pub fn identify<T: Real>(u_v: &[[T; 8]; 3]) -> ClosedForm<T> {
             second_order_per_g: k2,
             third_order_per_g2: k3,
             fourth_order_per_g3: k4,
-            fifth_order_per_g4: T::zero(),
             misalignment_oa_rad: (one[2] - one[6]) / (n2 * k1),
             misalignment_pa_rad: -(two[2] - two[6]) / (n2 * k1),
             cross_ip_per_g: coupling(one),
             cross_io_per_g: coupling(two),
             cross_po_per_g: coupling(three),
+            ..Coefficients::default()
         },
         approximate_scale_factor_v_per_g: (straight + sqrt2 * oblique) / n6,
         approximate_asymmetry: (at_one + sqrt2 * at_45 - (n2 + n4 * sqrt2) * k1 * k0) / (n6 * k1),

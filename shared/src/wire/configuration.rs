@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::message::{CHANNELS, Coefficients};
 use crate::compensate::{self, Compensator, Mode, Scaling, Source};
-use crate::model;
-use crate::model::NOMINAL;
+use crate::model::{self, NOMINAL};
+use crate::rectification::Covariance;
 
 /// Samples in the shortest block: fewer have no moments to speak of.
 pub const MIN_BLOCK_SAMPLES: u16 = 4;
@@ -41,49 +41,16 @@ pub struct Compensation {
 pub struct Calibration {
     /// The coefficients of (1).
     pub coefficients: Coefficients,
-    /// Lower triangle, row by row, of the covariance of the eleven nominal coefficients.
-    pub covariance: [[f32; NOMINAL]; 6],
+    /// Covariance of those that rectify.
+    pub covariance: Covariance<f32>,
     /// Rank of the plan that gave them, 0 to 11.
     pub rank: u8,
 }
 
 impl Calibration {
-    /// With a covariance of the nominal coefficients, of which the lower triangle is taken.
-    pub fn new(
-        coefficients: Coefficients,
-        covariance: &[[f64; NOMINAL]; NOMINAL],
-        rank: u8,
-    ) -> Self {
-        let mut packed = [0.0; 6 * NOMINAL];
-        let triangle = (0..NOMINAL).flat_map(|row| (0..=row).map(move |column| (row, column)));
-        for (to, (row, column)) in packed.iter_mut().zip(triangle) {
-            *to = covariance[row][column] as f32;
-        }
-        let (rows, _) = packed.as_chunks::<NOMINAL>();
-        Self {
-            coefficients,
-            covariance: core::array::from_fn(|k| rows[k]),
-            rank,
-        }
-    }
-
-    /// The whole covariance.
-    pub fn covariance(&self) -> [[f32; NOMINAL]; NOMINAL] {
-        let packed = self.covariance.as_flattened();
-        core::array::from_fn(|row| {
-            core::array::from_fn(|column| {
-                let (low, high) = (row.min(column), row.max(column));
-                packed[high * (high + 1) / 2 + low]
-            })
-        })
-    }
-
     fn is_possible(&self) -> bool {
-        let variances = (0..NOMINAL).map(|k| self.covariance()[k][k]);
-        let finite = self.covariance.as_flattened().iter().all(|c| c.is_finite());
         self.coefficients.is_possible()
-            && finite
-            && variances.into_iter().all(|v| v >= 0.0)
+            && self.covariance.is_possible()
             && usize::from(self.rank) <= NOMINAL
     }
 }
@@ -112,7 +79,7 @@ impl Configuration {
         let [instrument, reference @ ..] = v_per_code;
         let calibration = self.calibration.map(|known| compensate::Calibration {
             coefficients: narrow(&known.coefficients),
-            covariance: known.covariance(),
+            covariance: known.covariance,
             rank: known.rank,
         });
         let scaling = Scaling {
@@ -130,25 +97,6 @@ impl Configuration {
 }
 
 fn narrow(wide: &Coefficients) -> model::Coefficients<f32> {
-    let mut narrow = model::Coefficients::from_nominal(wide.nominal.map(|c| c as f32));
-    narrow.fifth_order_per_g4 = wide.fifth_order_per_g4 as f32;
-    narrow
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn covariance_survives_its_triangle() {
-        let full: [[f64; NOMINAL]; NOMINAL] = core::array::from_fn(|row| {
-            core::array::from_fn(|column| (1 + row.min(column) + 16 * row.max(column)) as f64)
-        });
-        let coefficients = Coefficients {
-            nominal: [1.0; NOMINAL],
-            fifth_order_per_g4: 0.0,
-        };
-        let kept = Calibration::new(coefficients, &full, 11);
-        assert_eq!(kept.covariance().map(|row| row.map(f64::from)), full);
-    }
+    model::Coefficients::from_nominal(wide.nominal.map(|c| c as f32))
+        .with_further(wide.further.map(|c| c as f32))
 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::configuration::Configuration;
 use super::version::Version;
 use crate::compensate::Quality;
+use crate::model::{FURTHER, NOMINAL};
 use crate::self_check::{Outcome, SetUp};
 
 /// Simultaneous channels of the converter: 0 the instrument, 1 to 3 the reference's I, P and O.
@@ -160,17 +161,16 @@ pub enum Plateau {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Coefficients {
     /// K1 (V/g), k0 (g), k1', k2 (1/g), k3 (1/g^2), k4 (1/g^3), d_OA, d_PA (rad), k_IP, k_IO, k_PO (1/g).
-    pub nominal: [f64; 11],
-    /// k5, 1/g^4.
-    #[doc(alias = "k5")]
-    pub fifth_order_per_g4: f64,
+    pub nominal: [f64; NOMINAL],
+    /// k5 (1/g^4), K0' (g), Koq, Kpp, Koo (1/g).
+    pub further: [f64; FURTHER],
 }
 
 impl Coefficients {
     /// True when they are finite and the scale factor is positive.
     pub fn is_possible(&self) -> bool {
-        let finite = self.nominal.iter().all(|c| c.is_finite());
-        finite && self.fifth_order_per_g4.is_finite() && self.nominal[0] > 0.0
+        let mut all = self.nominal.iter().chain(&self.further);
+        all.all(|c| c.is_finite()) && self.nominal[0] > 0.0
     }
 }
 

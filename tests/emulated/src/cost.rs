@@ -11,6 +11,7 @@ use std::time::Duration;
 use addr2line::Loader;
 use shared::compensate::{Mode, Source};
 use shared::identify::static_test::Bench;
+use shared::rectification::Covariance;
 use shared::self_check::SetUp;
 use shared::tumble::full_rank_plan;
 use shared::wire::Command;
@@ -91,13 +92,12 @@ fn signal(conversion: u64) -> [i32; 4] {
 
 /// Compensation with every coefficient and the whole covariance.
 fn configuration(mode: Mode) -> Configuration {
-    let covariance =
-        std::array::from_fn(|j| std::array::from_fn(|k| if j == k { 1e-12 } else { 1e-14 }));
+    let covariance = Covariance::from_fn(|j, k| if j == k { 1e-12 } else { 1e-14 });
     let coefficients = Coefficients {
         nominal: [
             0.1, 2e-4, -6.2e-4, 3.9e-4, 2.7e-4, -4.9e-5, 3.8e-4, -6e-4, -4.6e-5, 2.6e-5, 5e-5,
         ],
-        fifth_order_per_g4: 7e-6,
+        further: [7e-6, 2e-4, -3e-4, 1e-4, -8e-5],
     };
     Configuration {
         compensation: Compensation {
@@ -108,7 +108,11 @@ fn configuration(mode: Mode) -> Configuration {
             reference_v_per_g: [0.1; 3],
             reference_zero_v: [0.0; 3],
         },
-        calibration: Some(Calibration::new(coefficients, &covariance, 11)),
+        calibration: Some(Calibration {
+            coefficients,
+            covariance,
+            rank: 11,
+        }),
     }
 }
 

@@ -14,7 +14,8 @@ use host::record::{self, RecordError};
 use host::source::FileSource;
 use host::verification::verify;
 use shared::compensate::{Mode, Source};
-use shared::model::NOMINAL;
+use shared::model::{FURTHER, NOMINAL};
+use shared::rectification::Covariance;
 use shared::wire::configuration::{Calibration, Compensation, Configuration};
 use shared::wire::message::{Coefficients, Command, Event, Plateau, Segment};
 use shared::wire::version;
@@ -31,9 +32,8 @@ fn configuration(bench: &VirtualBench) -> Configuration {
     nominal[0] /= DIVIDER;
     let coefficients = Coefficients {
         nominal,
-        fifth_order_per_g4: 0.0,
+        further: [0.0; FURTHER],
     };
-    let exact = [[0.0; NOMINAL]; NOMINAL];
     Configuration {
         compensation: Compensation {
             mode: Some(Mode::Block),
@@ -43,7 +43,11 @@ fn configuration(bench: &VirtualBench) -> Configuration {
             reference_v_per_g: [REFERENCE_V_PER_G; 3],
             reference_zero_v: [0.0; 3],
         },
-        calibration: Some(Calibration::new(coefficients, &exact, NOMINAL as u8)),
+        calibration: Some(Calibration {
+            coefficients,
+            covariance: Covariance::default(),
+            rank: NOMINAL as u8,
+        }),
     }
 }
 

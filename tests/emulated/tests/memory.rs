@@ -11,6 +11,8 @@ use emulated::{Conversation, Emulator, Error, Heard};
 use firmware::store::Store;
 use host::bench::flash::{Flash, Power};
 use shared::compensate::{Mode, Quality, Source};
+use shared::model::FURTHER;
+use shared::rectification::Covariance;
 use shared::wire::Command;
 use shared::wire::configuration::{Calibration, Compensation, Configuration};
 use shared::wire::message::{Coefficients, Refusal, StoreFault};
@@ -42,9 +44,9 @@ fn new() -> Configuration {
         calibration: Some(Calibration {
             coefficients: Coefficients {
                 nominal,
-                fifth_order_per_g4: 0.0,
+                further: [0.0; FURTHER],
             },
-            covariance: [[0.0; 11]; 6],
+            covariance: Covariance::default(),
             rank: 11,
         }),
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use emulated::converter::Plain;
 use emulated::{Conversation, Error, Heard};
 use shared::identify::static_test::{Bench, workspace_len};
-use shared::model::{Coefficients, NOMINAL, SpecificForce};
+use shared::model::{Coefficients, FURTHER, NOMINAL, SpecificForce};
 use shared::self_check::{Limits, MARKS, MOUNTS, Outcome, ReadingSums, SelfCheck, SetUp, Verdict};
 use shared::tumble::{Position, full_rank_plan, paper_plan};
 use shared::wire::message::{self, Approach, Block, Segment};
@@ -109,7 +109,7 @@ fn static_test(
         Heard::Check(outcome) => Some(outcome),
         _ => None,
     });
-    let stored = stored.map(|c| Coefficients::from_nominal(c.nominal));
+    let stored = stored.map(|c| Coefficients::from_nominal(c.nominal).with_further(c.further));
     Ok(Run {
         board: board.expect("an outcome"),
         host: check
@@ -150,7 +150,7 @@ fn board_and_host_identify_the_same_coefficients_and_these_are_the_instruments()
 fn what_is_wrong_is_named() -> Result<(), Error> {
     let mut stored = message::Coefficients {
         nominal: truth().to_nominal(),
-        fifth_order_per_g4: 0.0,
+        further: [0.0; FURTHER],
     };
     stored.nominal[1] += 1e-3;
     let mut c = truth();
@@ -159,6 +159,12 @@ fn what_is_wrong_is_named() -> Result<(), Error> {
     assert_agree(&run);
     let named: Vec<_> = run.board.verdicts.iter().collect();
     assert_eq!(named, [Verdict::Bias, Verdict::Blind, Verdict::Changed]);
+    // Beside further coefficients a static test finds others.
+    stored.further[2] = 3e-4;
+    let run = static_test(c, paper_plan(), Some(stored))?;
+    assert_agree(&run);
+    let named: Vec<_> = run.board.verdicts.iter().collect();
+    assert_eq!(named, [Verdict::Bias, Verdict::Blind]);
     Ok(())
 }
 
