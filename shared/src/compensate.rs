@@ -343,12 +343,16 @@ impl<T: Real> Compensator<T> {
             let [_, _, m2 @ ..] = moments.m2();
             (moments.reference_cross(), m2)
         };
+        let m4_g4 = moments.m4()[channel] * square * square;
+        // Nobody measures the fifth moment. This is that of a sine with a little second harmonic, and of a skewed Gaussian:
+        // m5 / (m3 m2) is 10/3 for the first (m4 = 3/2 m2^2) and 10 for the second (m4 = 3 m2^2).
+        let per_m3 = T::lit(40.0 / 9.0) * m4_g4 / m2_g2.max(T::min_positive_value())
+            - T::lit(10.0 / 3.0) * m2_g2;
         vibration::Moments {
             m2_g2,
             m3_g3,
-            m4_g4: moments.m4()[channel] * square * square,
-            // Odd moments beyond the third are those of the Gram-Charlier density.
-            m5_g5: T::lit(10.0) * m3_g3 * m2_g2,
+            m4_g4,
+            m5_g5: m3_g3 * per_m3,
             cross_ip_g2: ip * to_g * p * gain,
             cross_io_g2: io * to_g * o * gain,
             cross_po_g2: po * p * o * gain,
