@@ -139,7 +139,8 @@ fn an_effect_is_named_and_closes_the_gap_on_runs_that_were_held_out() {
             diagnosis.which
         );
         let predicted =
-            predict_with_effects(&simulation.campaign, &diagnosis, &simulation.holdout).unwrap();
+            predict_with_effects(&simulation.campaign, &diagnosis, &simulation.holdout, None)
+                .unwrap();
         for (quantity, truth) in predicted.iter().zip(&simulation.truth.holdout_vre_g) {
             let (value, sigma) = quantity.known().unwrap();
             assert!(

@@ -23,8 +23,6 @@ const STANDING_ODDS: f64 = 20.0;
 const CLASS: usize = 2;
 /// Hypotheses less probable than this are not listed.
 const LISTED: f64 = 1e-3;
-/// What an unexplained gap leaves of the probability of hypotheses that do not explain it.
-const UNEXPLAINED_REST: f64 = 0.1;
 
 /// Standard deviation, as a part of its range, from which on a parameter is followed over all of that.
 const WIDE: f64 = 0.1;
@@ -271,11 +269,6 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
     if verdict == Verdict::NoGap {
         ranked.sort_by_key(|h| !h.fit.members.is_empty());
     }
-    let rest = if verdict == Verdict::Unexplained {
-        UNEXPLAINED_REST
-    } else {
-        1.0
-    };
     let class: Vec<String> = match verdict {
         Verdict::Ambiguous => standing(search)[1..]
             .iter()
@@ -290,7 +283,7 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
         .filter(|(k, h)| *k == 0 || h.probability >= LISTED)
         .map(|(k, h)| Which {
             effects: h.fit.members.iter().map(|m| m.effect.id.into()).collect(),
-            probability: h.probability * rest,
+            probability: h.probability,
             parameters: parameters(problem, &h.fit),
             indistinguishable_from: if k == 0 { class.clone() } else { Vec::new() },
             fitted: h.fit.members.iter().map(|m| m.values.clone()).collect(),
@@ -306,10 +299,7 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
             .filter(of_stage)
             .map(|h| h.probability)
             .sum();
-        StageProbability {
-            stage,
-            probability: probability * rest,
-        }
+        StageProbability { stage, probability }
     });
     let observed: usize = super::adequacy::OBSERVABLES
         .iter()

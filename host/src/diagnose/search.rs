@@ -20,6 +20,8 @@ const PRIOR_SOMETHING_ELSE: f64 = 0.02;
 const WORTH: f64 = 3.0;
 /// A misfit less probable than this needs another effect.
 const MISFIT: f64 = 1e-4;
+/// Probability that an unexplained gap leaves to all hypotheses together, none of which explains it.
+const UNEXPLAINED_REST: f64 = 0.1;
 /// Share of the gap (in units of its root) below which a misfit is the formulas' and not another effect's.
 const TOLERATED_SHARE: f64 = 0.05;
 /// Likeness of two effects of a set of three or more beyond which they stand in together for something else.
@@ -568,21 +570,24 @@ impl Problem<'_> {
         let something_else = PRIOR_SOMETHING_ELSE.ln() + adequacy.log_something_else / temper;
         let nothing_known =
             PRIOR_SOMETHING_ELSE.ln() + null.log_evidence + null_adequacy.log_something_else - best;
-        // A small misfit is the formulas': it makes nothing else probable.
-        let mut total = if large {
-            something_else.exp() + nothing_known.exp()
-        } else {
-            0.0
-        };
+        let unexplained =
+            large && (adequacy.p_value < MISFIT || something_else > 3.0 || nothing_known > 0.0);
+        let mut total = 0.0;
         for hypothesis in &mut hypotheses {
             hypothesis.probability = ((hypothesis.log_weight - best) / temper).exp();
             total += hypothesis.probability;
         }
+        let known = if unexplained {
+            UNEXPLAINED_REST
+        } else if large {
+            total / (total + something_else.exp() + nothing_known.exp())
+        } else {
+            // A small misfit is the formulas': it makes nothing else probable.
+            1.0
+        };
         for hypothesis in &mut hypotheses {
-            hypothesis.probability /= total;
+            hypothesis.probability *= known / total;
         }
-        let unexplained =
-            large && (adequacy.p_value < MISFIT || something_else > 3.0 || nothing_known > 0.0);
         Search {
             null,
             null_adequacy,
