@@ -111,6 +111,21 @@ fn mount_and_reference_may_be_absent_as_whole_columns() {
     assert_eq!(campaign.readings, common::campaign().readings);
 }
 
+/// A run across the input axis has hardly any extremes, and each is known to a few parts in 1e4.
+#[test]
+fn extremes_may_cross_by_the_peak_detectors_error() {
+    let measured = common::campaign().runs[1].measured.unwrap();
+    let low_v = measured.extremes.unwrap().minimum_v;
+    let below = |part: f64| {
+        let value = (low_v - part * low_v.abs()).to_string();
+        edited("vibration.csv", |table| {
+            with_cell(&table, 3, "u_max_v", &value)
+        })
+    };
+    assert!(Campaign::read(below(5e-4).path()).is_ok());
+    assert!(complaint(below(1e-2).path()).contains("is below u_min_v"));
+}
+
 #[test]
 fn a_campaign_without_vibration_has_no_runs() {
     let folder = TempDir::new().unwrap();
