@@ -59,8 +59,8 @@ fn every_forward_model_is_what_the_effect_does_in_the_time_domain() {
             theta[k] *= theta[0];
         }
         let coefficients = host::diagnose::fit::nominal(&theta);
-        problem.situation.suppose(coefficients);
-        changed.situation.suppose(coefficients);
+        problem.suppose(coefficients);
+        changed.suppose(coefficients);
         // What the reference saw and how far the output went belongs to the campaign with the effect.
         let says = changed.prediction(&[member(effect.id, &with)], &theta);
         let nothing = problem.prediction(&[], &theta);

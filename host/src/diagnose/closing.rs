@@ -62,7 +62,7 @@ impl Problem<'_> {
             ..campaign.clone()
         };
         let mut predictor = Problem::with_scale(&runs_alone, &further, self.scale_v_per_g);
-        predictor.situation.suppose(self.situation.coefficients);
+        predictor.suppose(self.situation.coefficients);
         let predictor = predictor.unweighted();
         let (first, count) = (self.run_count(), further.len());
         let refit = predictor.forecast(&search.null);

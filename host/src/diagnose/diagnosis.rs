@@ -21,9 +21,10 @@ use crate::error::Error;
 const STANDING_ODDS: f64 = 20.0;
 /// Most effects, or sets of effects, in a class beside its most probable member.
 const CLASS: usize = 2;
-/// Hypotheses less probable than this are not listed.
+/// Hypotheses less probable than this are not listed, and most that are, of a gap that none explains fewer.
 const LISTED: f64 = 1e-3;
-
+const MOST_LISTED: usize = 8;
+const LISTED_IF_UNEXPLAINED: usize = 3;
 /// Standard deviation, as a part of its range, from which on a parameter is followed over all of that.
 const WIDE: f64 = 0.1;
 
@@ -288,7 +289,12 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
             indistinguishable_from: if k == 0 { class.clone() } else { Vec::new() },
             fitted: h.fit.members.iter().map(|m| m.values.clone()).collect(),
         });
-    let which: Vec<Which> = which.take(8).collect();
+    let listed = if verdict == Verdict::Unexplained {
+        LISTED_IF_UNEXPLAINED
+    } else {
+        MOST_LISTED
+    };
+    let which: Vec<Which> = which.take(listed).collect();
     let shown = ranked[0];
     let (observables, conditions) = problem.locate(&shown.fit);
     let stages = Stage::ALL.iter().map(|&stage| {

@@ -180,11 +180,11 @@ impl Problem<'_> {
                         };
                         (0..effect.linear()).map(column).collect()
                     };
-                    // What is all in proportion is the same whatever the parameters, unless the motion has changed.
-                    if moved.is_none() && effect.linear() == effect.parameters.len() {
-                        let mut known = self.in_proportion.borrow_mut();
-                        let columns = known.entry(effect.id).or_insert_with(columns);
-                        parts.linear.extend_from_slice(columns);
+                    if moved.is_none() {
+                        let curved = &values[effect.linear()..];
+                        self.made.get(effect.id, curved, columns, |columns| {
+                            parts.linear.extend_from_slice(columns);
+                        });
                     } else {
                         parts.linear.extend(columns());
                     }

@@ -55,7 +55,7 @@ fn predict(
     let mut fit = problem.fit_nominal().ok_or_else(undetermined)?;
     if !members.is_empty() {
         for _ in 0..2 {
-            problem.situation.suppose(nominal(&fit.theta));
+            problem.suppose(nominal(&fit.theta));
             fit = problem
                 .fit(members.clone(), &fit.trust, 3)
                 .ok_or_else(undetermined)?;
@@ -105,7 +105,7 @@ impl<'c> Problem<'c> {
     /// The same runs with every row in g, for predictions.
     pub(super) fn unweighted(mut self) -> Self {
         self.weights.fill(1.0);
-        self.in_proportion.take();
+        self.made.clear();
         self.nominal = self.design(&self.situation.motions);
         self
     }

@@ -97,16 +97,31 @@ impl Motion {
         let h = self.second_harmonic;
         let h2 = h * h;
         let m2 = 0.5 * (1.0 + h2);
-        let mut sums = [0.0; 3];
-        for k in 0..PHASES {
-            let a = a0 + i * self.sine_at(k);
-            sums[0] += if a == 0.0 { 0.0 } else { a.signum() };
-            sums[1] += a.abs() - a0.abs();
-            sums[2] += a * a.abs() - a0 * a0.abs();
-        }
-        let [sign, absolute_g, signed_square_g2] = sums.map(|sum| sum / PHASES as f64);
+        let m2_g2 = m2 * i * i;
+        let kinked = if a0.abs() >= i.abs() * (1.0 + h.abs()) {
+            // It never passes the kink.
+            KinkedMeans {
+                sign: a0.signum(),
+                absolute_g: 0.0,
+                signed_square_g2: a0.signum() * m2_g2,
+            }
+        } else {
+            let mut sums = [0.0; 3];
+            for k in 0..PHASES {
+                let a = a0 + i * self.sine_at(k);
+                sums[0] += if a == 0.0 { 0.0 } else { a.signum() };
+                sums[1] += a.abs() - a0.abs();
+                sums[2] += a * a.abs() - a0 * a0.abs();
+            }
+            let [sign, absolute_g, signed_square_g2] = sums.map(|sum| sum / PHASES as f64);
+            KinkedMeans {
+                sign,
+                absolute_g,
+                signed_square_g2,
+            }
+        };
         Moments {
-            m2_g2: m2 * i * i,
+            m2_g2,
             m3_g3: 0.75 * h * i * i * i,
             m4_g4: (0.375 * (1.0 + h2 * h2) + 1.5 * h2) * i * i * i * i,
             m5_g5: 0.0,
@@ -115,11 +130,7 @@ impl Motion {
             cross_po_g2: m2 * p * o,
             m2_p_g2: m2 * p * p,
             m2_o_g2: m2 * o * o,
-            kinked: Kinked::Measured(KinkedMeans {
-                sign,
-                absolute_g,
-                signed_square_g2,
-            }),
+            kinked: Kinked::Measured(kinked),
         }
     }
 

@@ -38,7 +38,7 @@ struct Proposal {
 }
 
 impl Problem<'_> {
-    /// Tests by expected information, most telling first; none if one hypothesis is left.
+    /// Tests by expected information, most telling first; none if one hypothesis is left, or none stands.
     pub fn next_tests(
         &self,
         campaign: &Campaign,
@@ -47,7 +47,7 @@ impl Problem<'_> {
     ) -> Vec<NextTest> {
         let mut candidates = standing(search);
         candidates.truncate(MOST_HYPOTHESES);
-        if verdict == Verdict::NoGap || candidates.len() < 2 {
+        if !matches!(verdict, Verdict::Explained | Verdict::Ambiguous) || candidates.len() < 2 {
             return Vec::new();
         }
         let total: f64 = candidates.iter().map(|h| h.probability).sum();
@@ -84,7 +84,7 @@ impl Problem<'_> {
         larger.readings.extend_from_slice(&proposal.readings);
         larger.runs.extend_from_slice(&proposal.runs);
         let mut problem = Problem::with_scale(&larger, &[], self.scale_v_per_g);
-        problem.situation.suppose(self.situation.coefficients);
+        problem.suppose(self.situation.coefficients);
         if proposal.swapped {
             problem.seen_beside_instrument = made;
         }

@@ -5,7 +5,7 @@
 //! remounting. The plateaus of a run stand for themselves, at the run's nominal attitude.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
 
@@ -124,6 +124,43 @@ impl Change {
     }
 }
 
+/// The columns of an effect's parameters in proportion, and the variance that a unit of each adds.
+type Columns = Vec<(Column, Vec<f64>)>;
+
+/// The columns that were made last, with the effect and its other parameters: a fit moves few parameters at a time.
+#[derive(Debug, Default)]
+pub(super) struct Made(RefCell<VecDeque<(&'static str, Vec<f64>, Columns)>>);
+
+impl Made {
+    const KEPT: usize = 32;
+
+    /// Gives `with` the columns of an effect at these parameters, made by `make` unless they are known.
+    pub(super) fn get(
+        &self,
+        id: &'static str,
+        others: &[f64],
+        make: impl FnOnce() -> Columns,
+        with: impl FnOnce(&[(Column, Vec<f64>)]),
+    ) {
+        let mut kept = self.0.borrow_mut();
+        let known = kept
+            .iter()
+            .position(|known| known.0 == id && known.1 == others);
+        let latest = match known.and_then(|place| kept.remove(place)) {
+            Some(known) => known,
+            None => (id, others.to_vec(), make()),
+        };
+        with(&latest.2);
+        kept.truncate(Self::KEPT - 1);
+        kept.push_front(latest);
+    }
+
+    /// Forgets all: they depend on something that has changed.
+    pub(super) fn clear(&self) {
+        self.0.borrow_mut().clear();
+    }
+}
+
 /// What effects may look at.
 #[derive(Clone, Debug)]
 pub struct Situation<'c> {
@@ -159,7 +196,7 @@ pub struct Situation<'c> {
 
 impl Situation<'_> {
     /// Believes these coefficients, and the peaks that follow from them.
-    pub fn suppose(&mut self, coefficients: Coefficients<f64>) {
+    fn suppose(&mut self, coefficients: Coefficients<f64>) {
         self.coefficients = coefficients;
         let peak_g = |run: &&Run| peak_g(run, self.scale_v_per_g, &coefficients);
         self.peaks_g = self.runs.iter().map(peak_g).collect();
@@ -199,9 +236,8 @@ pub struct Problem<'c> {
     kink_variance: Vec<f64>,
     /// Squares of the reciprocal prior standard deviations of the coefficients.
     pub prior_precision: [f64; NOMINAL],
-    /// Columns of effects whose parameters are all in proportion, at the commanded motion, and the variance that they add:
-    /// made once.
-    pub(super) in_proportion: RefCell<HashMap<&'static str, Vec<(Column, Vec<f64>)>>>,
+    /// Columns of effects at the commanded motion.
+    pub(super) made: Made,
     /// First run that another reference, beside the instrument, sees: all that the instrument itself feels.
     pub(super) seen_beside_instrument: usize,
 }
@@ -276,7 +312,7 @@ impl<'c> Problem<'c> {
             },
             nominal: Vec::new(),
             prior_precision: PRIOR_SIGMA.map(|sigma| sigma.powi(-2)),
-            in_proportion: RefCell::default(),
+            made: Made::default(),
             seen_beside_instrument: usize::MAX,
             situation,
             scale_v_per_g,
@@ -297,6 +333,12 @@ impl<'c> Problem<'c> {
         }
         problem.still = still;
         problem
+    }
+
+    /// Lets effects believe these coefficients.
+    pub fn suppose(&mut self, coefficients: Coefficients<f64>) {
+        self.situation.suppose(coefficients);
+        self.made.clear();
     }
 
     /// Takes every coefficient but K1 as zero with this standard deviation, in its own unit.

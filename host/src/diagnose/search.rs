@@ -88,7 +88,7 @@ impl Problem<'_> {
     /// Searches `catalogue`. `None` if the campaign does not determine even the nominal model with its priors.
     pub fn search(&mut self, catalogue: &[&'static Effect]) -> Option<Search> {
         let at_rest = self.coefficients_at_rest()?;
-        self.situation.suppose(at_rest);
+        self.suppose(at_rest);
         let null = self.fit_nominal()?;
         self.situation.searching = true;
         let starts: Vec<Start> = catalogue
@@ -110,7 +110,7 @@ impl Problem<'_> {
             .is_some_and(|best| best.log_evidence > null.log_evidence + WORTH);
         if moved {
             // The coefficients that effects look at, now that the largest bend is out of them.
-            self.situation.suppose(nominal(&fits[0].theta));
+            self.suppose(nominal(&fits[0].theta));
             for fit in fits.iter_mut().take(3) {
                 if let Some(again) = self.refit(fit.members.clone(), &fit.trust) {
                     *fit = again;
