@@ -45,7 +45,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         says: "the output cannot exceed a limit and is clipped",
         parameters: &[
             logarithmic("limit_g", 1.0, 14.0, 24),
-            even("offset_g", -1.0, 1.0, 5),
+            even("offset_g", -2.0, 2.0, 5),
         ],
         action: Action::Adds(saturate),
         report: None,
@@ -76,8 +76,41 @@ fn filtered(
     }
 }
 
+/// Relative difference within which extremes are alike: several times the peak detector's.
+const ALIKE: f64 = 2e-3;
+
+/// The greatest and the least output of all runs, g, each if several random records end there: chance would not have it.
+fn common_ends(s: &Situation<'_>) -> [Option<f64>; 2] {
+    let extremes = |kind: Option<VibrationKind>| {
+        let runs = s
+            .runs
+            .iter()
+            .filter(move |run| kind.is_none_or(|kind| run.kind == kind));
+        runs.filter_map(|run| run.measured?.extremes)
+    };
+    let end = |sign: f64| {
+        let outward = |e: crate::campaign::Extremes| {
+            let end_v = if sign > 0.0 { e.maximum_v } else { e.minimum_v };
+            sign * end_v / s.scale_v_per_g
+        };
+        let end = extremes(None)
+            .map(outward)
+            .fold(f64::NEG_INFINITY, f64::max);
+        let random = extremes(Some(VibrationKind::Random)).map(outward);
+        let there = random.filter(|o| *o > end - ALIKE * end.abs()).count();
+        (there > 1).then_some(sign * end)
+    };
+    [end(1.0), end(-1.0)]
+}
+
 fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose::problem::Change) {
     let (low, high) = (p[1] - p[0], p[1] + p[0]);
+    // The starts of a search are too far apart for what is known so well.
+    let ends = if s.searching {
+        [None; 2]
+    } else {
+        common_ends(s)
+    };
     let output = |a: [f64; 3]| {
         let force = shared::model::SpecificForce::new(a[0], a[1], a[2]);
         s.coefficients.output_g(force)
@@ -112,16 +145,25 @@ fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose
         if let (VibrationKind::Random, Some(extremes)) =
             (run.kind, run.measured.and_then(|m| m.extremes))
         {
-            change.add(
-                Block::Maximum,
-                row,
-                (high - extremes.maximum_v / s.scale_v_per_g).min(0.0),
-            );
-            change.add(
-                Block::Minimum,
-                row,
-                (low - extremes.minimum_v / s.scale_v_per_g).max(0.0),
-            );
+            // A limit below the extreme is none. Where several records end alike, it is not above either.
+            let [most, least] = ends;
+            let above = high - extremes.maximum_v / s.scale_v_per_g;
+            let below = low - extremes.minimum_v / s.scale_v_per_g;
+            let on = |end: Option<f64>, distance: f64, limit: f64| {
+                end.is_some_and(|end| (limit - distance - end).abs() < ALIKE * end.abs())
+            };
+            let above = if on(most, above, high) {
+                above
+            } else {
+                above.min(0.0)
+            };
+            let below = if on(least, below, low) {
+                below
+            } else {
+                below.max(0.0)
+            };
+            change.add(Block::Maximum, row, above);
+            change.add(Block::Minimum, row, below);
         }
         if a0[0] - reach > low + 0.2 && a0[0] + reach < high - 0.2 {
             continue;
