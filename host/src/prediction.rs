@@ -28,7 +28,8 @@ pub struct Prediction {
     pub format: &'static str,
     /// Serial number of the instrument.
     pub serial: String,
-    /// Prior standard deviation of the coefficients, if the static plan needed one.
+    /// Prior standard deviation of the coefficients, if one was stated or the static plan needed one. The refit has a wide
+    /// one of its own besides.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prior_sigma: Option<f64>,
     /// Probability of the static readings' chi-square, if the stated uncertainties hold.
@@ -56,7 +57,7 @@ pub struct PredictedRun {
 }
 
 /// Predicts the vibration error of `runs` from the campaign's static readings and, for the refit, from its shaker
-/// runs. `prior_sigma` serves where the static plan is blind, [`DEFAULT_PRIOR_SIGMA`] unless given.
+/// runs. `prior_sigma` acts if given, and as [`DEFAULT_PRIOR_SIGMA`] where the static plan is blind.
 ///
 /// # Errors
 /// Those of [`fit`].

@@ -4,6 +4,7 @@ use host::bench::effects;
 use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Simulation, Specification, VirtualBench};
+use host::campaign::Run;
 use host::diagnose::blind::blind_check;
 use host::diagnose::catalogue::{self, Action};
 use host::diagnose::fit::Member;
@@ -124,13 +125,10 @@ fn an_effect_is_named_and_closes_the_gap_on_runs_that_were_held_out() {
         // None of these has a coefficient on board; that of the characteristic is told why.
         let compensation = diagnosis.compensation.as_ref().unwrap();
         assert!(compensation.carried.is_empty());
-        let left: Vec<&str> = compensation
-            .not_carried
-            .iter()
-            .map(|left| left.effect.as_str())
-            .collect();
         let statics = catalogue::find(id).unwrap().stage == catalogue::Stage::InstrumentStatics;
-        assert_eq!(left, if statics { vec![id] } else { vec![] });
+        let left = if statics { vec![id] } else { vec![] };
+        assert_eq!(compensation.not_carried, left);
+        assert_eq!(compensation.rank, 11);
         let text = serde_json::to_string(&diagnosis).unwrap();
         assert_eq!(
             serde_json::from_str::<host::diagnose::Diagnosis>(&text)
@@ -187,6 +185,46 @@ fn what_extremes_tell_is_stated_within_its_uncertainty() {
             assert!(off < 4.5, "seed {seed}: {estimate:?}, not {truth}");
         }
     }
+}
+
+#[test]
+fn static_readings_alone_are_diagnosed_as_far_as_they_go() {
+    let mut campaign = simulate(3, Some(("hysteresis", 3.0))).campaign;
+    campaign.runs.clear();
+    let diagnosis = diagnose(&campaign, &[]).unwrap().diagnosis;
+    assert_eq!(diagnosis.which[0].effects, ["hysteresis"]);
+    assert!(diagnosis.shrink.is_none());
+    assert_eq!(diagnosis.not_looked_at.len(), 1);
+}
+
+#[test]
+fn a_prediction_learns_nothing_from_the_runs_that_it_predicts() {
+    let mut campaign = simulate(6, None).campaign;
+    let kept_back = campaign.runs.split_off(60);
+    let unmade: Vec<Run> = kept_back
+        .iter()
+        .map(|run| Run {
+            measured: None,
+            ..run.clone()
+        })
+        .collect();
+    assert_eq!(
+        predict_refitted(&campaign, &kept_back, None).unwrap(),
+        predict_refitted(&campaign, &unmade, None).unwrap()
+    );
+    // A run of the campaign's number under another condition is another run.
+    let louder = Run {
+        level_g: 2.0 * campaign.runs[7].level_g,
+        ..campaign.runs[7].clone()
+    };
+    let renamed = Run {
+        run: 999,
+        ..louder.clone()
+    };
+    assert_eq!(
+        predict_refitted(&campaign, &[louder], None).unwrap(),
+        predict_refitted(&campaign, &[renamed], None).unwrap()
+    );
 }
 
 /// Of hold-out runs that the diagnosis never saw: what the effects close lies in the stated interval (nine in ten, were the

@@ -11,7 +11,8 @@
 //! there each sample is sharpened against the droop before.
 //!
 //! Both are claimed from 20 Hz to [`CLAIMED_BAND`] of the sample rate. What is above is excluded, and flagged
-//! ([`Quality::OUT_OF_BAND`]): the correction of the droop is short of it by more and more.
+//! ([`Quality::OUT_OF_BAND`]): the correction of the droop is short of it by more and more. The frequency is that of the
+//! vibration along IA; while IA is quiet, vibration across it is neither corrected for the droop nor flagged.
 //!
 //! [`Compensator`] is what does not change from sample to sample, [`CompensatorState`] what does. `f32` is enough:
 //! the correction is small, and the mean comes from an integer sum.

@@ -16,7 +16,7 @@ use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
 use crate::error::Error;
 use crate::configuration::configuration;
-use crate::diagnose::Diagnosis;
+use crate::diagnose::{Diagnosis, Verdict};
 use crate::identification::{Method, NAMES, identify};
 use crate::link::{Kept, Link};
 use crate::source::SerialSource;
@@ -123,12 +123,19 @@ fn diagnosed(file: &Path, campaign: &Campaign) -> Result<Calibration<f64>, Error
         );
         return Err(Error::input(file, line));
     }
+    let serves = diagnosis.serves();
     match diagnosis.compensation {
-        Some(compensation) if !compensation.carried.is_empty() => Ok(compensation.calibration()),
+        Some(compensation) if serves && !compensation.carried.is_empty() => {
+            Ok(compensation.calibration())
+        }
         compensation => {
-            let what = match compensation {
-                Some(_) => "it holds no term that the compensation could carry",
-                None => "it leaves the gap unexplained",
+            let what = match (compensation, diagnosis.verdict) {
+                (Some(known), _) if known.carried.is_empty() => {
+                    "it holds no term that the compensation could carry"
+                }
+                (Some(_), _) => "its effects make predictions no better",
+                (None, Verdict::Ambiguous) => "it cannot tell which effect acts",
+                (None, _) => "it leaves the gap unexplained",
             };
             let line = format!("{what}: leave out --diagnosis to send the static test's own");
             Err(Error::input(file, line))

@@ -2,8 +2,8 @@
 //!
 //! Held-out runs of a campaign are few and carry their plateaus' noise, which at a small gap is as large as what is to
 //! be told. The posterior knows better. With r the vibration errors that the refitted nominal model predicts, w those
-//! with the effects, and t true ones, drawn from the hypotheses that stand by their probability, each with its parameters
-//! about their estimates, on a list of runs drawn from likely ones,
+//! with the effects, and t true ones, drawn from the hypotheses that stand (and that nothing acts) by their probability, each
+//! with its parameters about their estimates, on a list of runs drawn from likely ones,
 //!
 //! ```text
 //! closed = 1 - |t - w| / |t - r|
@@ -67,7 +67,9 @@ impl Problem<'_> {
         let (first, count) = (self.run_count(), further.len());
         let refit = predictor.forecast(&search.null);
         let with = predictor.forecast(shown);
-        let standing = standing(search);
+        let mut standing = standing(search);
+        // That nothing acts may still hold.
+        standing.extend(search.hypotheses.iter().find(|h| h.fit.members.is_empty()));
         let total: f64 = standing.iter().map(|h| h.probability).sum();
         let mut random = SplitMix(1);
         let mut closed = Vec::with_capacity(DRAWS);
@@ -102,8 +104,11 @@ impl Problem<'_> {
             return Closing::default();
         }
         let quantile = |q: f64| closed[(q * (closed.len() - 1) as f64).round() as usize];
+        if quantile(0.5) <= 0.0 {
+            return Closing::default();
+        }
         Closing {
-            fraction: quantile(0.5).max(0.0),
+            fraction: quantile(0.5),
             interval: [quantile(0.05), quantile(0.95)],
         }
     }

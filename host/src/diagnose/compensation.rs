@@ -8,6 +8,7 @@ use shared::rectification::{Covariance, NOMINAL_RECTIFYING, RECTIFYING};
 
 use super::catalogue::Stage;
 use super::fit::{Fit, nominal};
+use super::problem::Problem;
 
 /// Effect and number of the parameter that each further coefficient is, in the order of [`Coefficients::to_further`].
 const CARRIED: [(&str, usize); FURTHER] = [
@@ -25,25 +26,26 @@ pub struct Compensation {
     pub coefficients: Coefficients<f64>,
     /// Covariance of those that rectify: k1', k2, k3, k4, k_IP, k_IO, k_PO, k5, K0', Koq, Kpp, Koo. Zero for a term that was
     /// not diagnosed.
+    #[serde(default)]
     pub covariance: [[f64; RECTIFYING]; RECTIFYING],
     /// Diagnosed terms of the characteristic that these hold.
     pub carried: Vec<String>,
-    /// Diagnosed terms of the characteristic that stay uncompensated.
-    pub not_carried: Vec<NotCarried>,
+    /// Diagnosed terms of the characteristic that stay uncompensated: [`WHY_NOT_CARRIED`].
+    pub not_carried: Vec<String>,
+    /// Nominal coefficients that readings and runs determine, 0 to 11; of the others nothing but the prior is known.
+    #[serde(default)]
+    pub rank: u8,
 }
 
-/// A term of the characteristic that no coefficient on board stands for.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct NotCarried {
-    /// The effect.
-    pub effect: String,
-    /// Why not.
-    pub reason: String,
-}
+/// Why a sixth order stays uncompensated.
+pub const WHY_NOT_CARRIED: &str =
+    "what it rectifies takes moments up to the sixth, a block's stop at the fourth";
+/// Part of a coefficient's prior variance above which the data tell nothing of it.
+const UNTOLD: f64 = 0.5;
 
 impl Compensation {
-    /// Of a fit whose outputs were divided by a scale factor, V/g.
-    pub fn new(fit: &Fit, scale_v_per_g: f64) -> Self {
+    /// Of a fit of a problem.
+    pub fn new(problem: &Problem<'_>, fit: &Fit) -> Self {
         let unknown = CARRIED.map(|(id, parameter)| {
             let of_it = |&(m, k): &(usize, usize)| fit.members[m].effect.id == id && k == parameter;
             Some(NOMINAL + fit.unknowns.iter().position(of_it)?)
@@ -54,23 +56,19 @@ impl Compensation {
         });
         let mut coefficients = nominal(&fit.theta).with_further(further);
         let covariance = covariance(fit, &coefficients, &unknown);
-        coefficients.scale_factor_v_per_g = fit.theta[0] * scale_v_per_g;
+        coefficients.scale_factor_v_per_g = fit.theta[0] * problem.scale_v_per_g;
+        let told = |&(k, precision): &(usize, &f64)| {
+            fit.covariance[k * fit.columns.len() + k] * precision < UNTOLD
+        };
+        let priors = problem.prior_precision.iter().enumerate();
+        let rank = priors.filter(told).count() as u8;
         let (mut carried, mut not_carried) = (Vec::new(), Vec::new());
         for member in &fit.members {
             let id = member.effect.id;
             if CARRIED.iter().any(|(carried, _)| *carried == id) {
                 carried.push(id.into());
             } else if member.effect.stage == Stage::InstrumentStatics {
-                let reason = match id {
-                    "sextic" => {
-                        "what it rectifies takes moments up to the sixth, a block's stop at the fourth"
-                    }
-                    _ => "the compensation has no coefficient for it",
-                };
-                not_carried.push(NotCarried {
-                    effect: id.into(),
-                    reason: reason.into(),
-                });
+                not_carried.push(id.into());
             }
         }
         Self {
@@ -78,15 +76,16 @@ impl Compensation {
             covariance,
             carried,
             not_carried,
+            rank,
         }
     }
 
-    /// For the instrument. Nothing is undetermined: the fit has a prior, which the covariance holds.
+    /// For the instrument.
     pub fn calibration(&self) -> Calibration<f64> {
         Calibration {
             coefficients: self.coefficients,
             covariance: Covariance::from_fn(|j, k| self.covariance[j][k]),
-            rank: NOMINAL as u8,
+            rank: self.rank,
         }
     }
 }

@@ -146,7 +146,7 @@ pub struct Diagnosis {
     /// Which hypotheses look alike.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub similarity: Option<Similarity>,
-    /// What the instrument's own compensation can carry of it; absent where nothing explains the gap.
+    /// What the instrument's own compensation can carry of it; absent where no one hypothesis explains the gap.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compensation: Option<Compensation>,
     /// What could not be looked at, and why.
@@ -182,12 +182,17 @@ impl Diagnosis {
         Ok(diagnosis)
     }
 
+    /// Whether the effects that it names serve predictions: they explain the gap, and close something of it.
+    pub fn serves(&self) -> bool {
+        self.verdict != Verdict::Unexplained
+            && self
+                .shrink
+                .is_none_or(|shrink| shrink.closed_fraction > 0.0)
+    }
+
     /// The most probable effects with their parameters, as far as adding them makes predictions better.
     pub fn members(&self) -> Vec<Member> {
-        let helps = self
-            .shrink
-            .is_none_or(|shrink| shrink.closed_fraction > 0.0);
-        let best = self.which.first().filter(|_| helps);
+        let best = self.which.first().filter(|_| self.serves());
         let effects = best
             .into_iter()
             .flat_map(|which| which.effects.iter().zip(&which.fitted));
@@ -340,8 +345,8 @@ fn conclude(campaign: &Campaign, problem: &Problem<'_>, search: &Search) -> Diag
             None
         },
         similarity: similarity(problem, search),
-        compensation: (verdict != Verdict::Unexplained)
-            .then(|| Compensation::new(&shown.fit, problem.scale_v_per_g)),
+        compensation: matches!(verdict, Verdict::Explained | Verdict::NoGap)
+            .then(|| Compensation::new(problem, &shown.fit)),
         not_looked_at: not_looked_at(campaign),
     }
 }

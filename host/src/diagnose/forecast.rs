@@ -41,11 +41,14 @@ fn predict(
     runs: &[Run],
     prior_sigma: Option<f64>,
 ) -> Result<Vec<Quantity>, Error> {
-    // A run of the campaign itself must not act twice.
+    // A run of the campaign itself must not act twice; what others gave must not be learned from.
     let new: Vec<Run> = runs
         .iter()
         .filter(|run| !campaign.runs.iter().any(|own| same(own, run)))
-        .cloned()
+        .map(|run| Run {
+            measured: None,
+            ..run.clone()
+        })
         .collect();
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
     let mut problem = Problem::new(campaign, &new);
@@ -76,8 +79,13 @@ fn predict(
     Ok(found.collect())
 }
 
+/// Whether two runs are the same, whatever they gave.
 fn same(a: &Run, b: &Run) -> bool {
-    a.run == b.run && a.time_s == b.time_s
+    let made = |run: &Run| Run {
+        measured: None,
+        ..run.clone()
+    };
+    made(a) == made(b)
 }
 
 /// What a fit says of every run's vibration error.

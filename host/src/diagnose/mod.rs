@@ -27,7 +27,7 @@ mod shrink;
 mod text;
 pub mod visibility;
 
-pub use compensation::{Compensation, NotCarried};
+pub use compensation::{Compensation, WHY_NOT_CARRIED};
 pub use diagnosis::{Diagnosis, Study, Verdict, diagnose};
 pub use forecast::{predict_refitted, predict_with_effects};
 pub use text::{headline, text};

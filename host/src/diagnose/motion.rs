@@ -98,7 +98,7 @@ impl Motion {
         let h2 = h * h;
         let m2 = 0.5 * (1.0 + h2);
         let m2_g2 = m2 * i * i;
-        let kinked = if a0.abs() >= i.abs() * (1.0 + h.abs()) {
+        let kinked = if a0 != 0.0 && a0.abs() >= i.abs() * (1.0 + h.abs()) {
             // It never passes the kink.
             KinkedMeans {
                 sign: a0.signum(),

@@ -772,29 +772,30 @@ fn power_excess(runs: &[&Run], campaign: &Campaign) -> f64 {
 }
 
 /// Largest magnitude of the vibration along IA: from the peak detector where there is one, g.
+/// Cosine of the angle between motion and IA below which the output's extremes do not tell the motion.
+const LEAST_COSINE: f64 = 0.05;
+
 /// Largest magnitude of a run's vibration along IA, g: the excursion that gives the output's extremes.
 fn peak_g(run: &Run, scale_v_per_g: f64, coefficients: &Coefficients<f64>) -> f64 {
-    let commanded = (run.direction[0] * run.level_g).abs();
-    if commanded == 0.0 {
-        return 0.0;
-    }
-    match (run.measured.and_then(|m| m.extremes), run.kind) {
-        (Some(extremes), _) => {
-            let rest = run.specific_force_g;
-            let [i, p, o] = run.direction.map(|cosine| cosine / run.direction[0]);
-            let excursion = |extreme_v: f64| {
-                (0..4).fold(0.0, |w: f64, _| {
-                    let force = SpecificForce::new(rest.i + i * w, rest.p + p * w, rest.o + o * w);
-                    w + extreme_v / scale_v_per_g - coefficients.output_g(force)
-                })
-            };
-            let [most, least] = [extremes.maximum_v, extremes.minimum_v].map(excursion);
-            most.abs().max(least.abs())
-        }
-        (None, VibrationKind::Sine) => commanded,
-        // The expected maximum of some 1e4 independent values.
-        (None, VibrationKind::Random) => 4.0 * commanded,
-    }
+    let extremes = run.measured.and_then(|m| m.extremes);
+    let Some(extremes) = extremes.filter(|_| run.direction[0].abs() >= LEAST_COSINE) else {
+        let commanded = (run.direction[0] * run.level_g).abs();
+        return match run.kind {
+            VibrationKind::Sine => commanded,
+            // The expected maximum of some 1e4 independent values.
+            VibrationKind::Random => 4.0 * commanded,
+        };
+    };
+    let rest = run.specific_force_g;
+    let [i, p, o] = run.direction.map(|cosine| cosine / run.direction[0]);
+    let excursion = |extreme_v: f64| {
+        (0..4).fold(0.0, |w: f64, _| {
+            let force = SpecificForce::new(rest.i + i * w, rest.p + p * w, rest.o + o * w);
+            w + extreme_v / scale_v_per_g - coefficients.output_g(force)
+        })
+    };
+    let [most, least] = [extremes.maximum_v, extremes.minimum_v].map(excursion);
+    most.abs().max(least.abs())
 }
 
 /// K1 to some 1e-4 from all that stands still: enough to turn volts into g.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::catalogue;
-use super::compensation::NotCarried;
+use super::compensation::WHY_NOT_CARRIED;
 use super::diagnosis::{Diagnosis, Verdict};
 use super::shrink::Shrink;
 use crate::quantity::Quantity;
@@ -111,15 +111,19 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             100.0 * cause.share
         );
     }
-    if let Some(compensation) = &diagnosis.compensation {
+    if let Some(compensation) = diagnosis
+        .compensation
+        .as_ref()
+        .filter(|_| diagnosis.serves())
+    {
         for id in &compensation.carried {
             let _ = writeln!(
                 out,
                 "on board {id}: a coefficient of the compensation, which vre configure --diagnosis hands over"
             );
         }
-        for NotCarried { effect, reason } in &compensation.not_carried {
-            let _ = writeln!(out, "on board {effect}: stays uncompensated: {reason}");
+        for id in &compensation.not_carried {
+            let _ = writeln!(out, "on board {id}: stays uncompensated: {WHY_NOT_CARRIED}");
         }
     }
     for test in diagnosis.next_tests.iter().take(3) {

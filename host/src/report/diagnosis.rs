@@ -6,7 +6,7 @@ use super::figures::{Figure, WIDTH};
 use super::page::{STYLE, figure};
 use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour, span};
 use crate::diagnose::problem::Block;
-use crate::diagnose::{Diagnosis, Study, Verdict, catalogue, headline};
+use crate::diagnose::{Diagnosis, Study, Verdict, WHY_NOT_CARRIED, catalogue, headline};
 use crate::error::Error;
 use crate::quantity::Quantity;
 
@@ -291,12 +291,12 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
         } @else if named {
             p { "They would make predictions of further runs no better, so those are made without them." }
         }
-        @if let Some(compensation) = &diagnosis.compensation {
+        @if let Some(compensation) = diagnosis.compensation.as_ref().filter(|_| diagnosis.serves()) {
             @for id in &compensation.carried {
                 p { "The instrument's compensation can carry " b { (id) } " as a coefficient: " code { "vre configure --diagnosis" } " hands it over." }
             }
-            @for left in &compensation.not_carried {
-                p { b { (left.effect) } " stays uncompensated on board: " (left.reason) "." }
+            @for id in &compensation.not_carried {
+                p { b { (id) } " stays uncompensated on board: " (WHY_NOT_CARRIED) "." }
             }
         }
     }

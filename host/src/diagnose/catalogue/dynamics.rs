@@ -79,7 +79,8 @@ fn filtered(
 /// Relative difference within which extremes are alike: several times the peak detector's.
 const ALIKE: f64 = 2e-3;
 
-/// The greatest and the least output of all runs, g, each if several random records end there: chance would not have it.
+/// The greatest and the least output of all runs, g, each if three random records or more end there: that two do
+/// may be chance.
 fn common_ends(s: &Situation<'_>) -> [Option<f64>; 2] {
     let extremes = |kind: Option<VibrationKind>| {
         let runs = s
@@ -98,7 +99,7 @@ fn common_ends(s: &Situation<'_>) -> [Option<f64>; 2] {
             .fold(f64::NEG_INFINITY, f64::max);
         let random = extremes(Some(VibrationKind::Random)).map(outward);
         let there = random.filter(|o| *o > end - ALIKE * end.abs()).count();
-        (there > 1).then_some(sign * end)
+        (there > 2).then_some(sign * end)
     };
     [end(1.0), end(-1.0)]
 }
