@@ -168,6 +168,14 @@ pub struct TimeMean {
     pub variance: f64,
 }
 
+/// 1/sqrt n and sqrt((n-1)/n): h_n = x h_(n-1) / sqrt n - sqrt((n-1)/n) h_(n-2) of the orthonormal Hermite polynomials.
+static RECURRENCE: LazyLock<[[f64; 2]; ORDERS + 1]> = LazyLock::new(|| {
+    std::array::from_fn(|n| {
+        let n = (n as f64).max(1.0);
+        [n.sqrt().recip(), ((n - 1.0) / n).sqrt()]
+    })
+});
+
 impl Averages {
     /// Tables for these runs.
     pub fn new<'r>(runs: impl Iterator<Item = &'r Run>) -> Self {
@@ -209,7 +217,7 @@ impl Averages {
             };
         }
         let (mut mean, mut square) = (0.0, 0.0);
-        // Coefficients of the orthonormal Hermite polynomials, x h_n = sqrt(n+1) h_(n+1) + sqrt(n) h_(n-1).
+        // Coefficients of the orthonormal Hermite polynomials.
         let mut c = [0.0; ORDERS + 1];
         pieces(REACH, kinks.iter().copied(), &self.normal, |x, width| {
             let f = at(x);
@@ -221,9 +229,8 @@ impl Averages {
             square += weighted * f;
             let mut h = [1.0, x];
             c[1] += weighted * x;
-            for (n, c) in c.iter_mut().enumerate().skip(2) {
-                let n = n as f64;
-                h = [h[1], (x * h[1] - (n - 1.0).sqrt() * h[0]) / n.sqrt()];
+            for (c, [of_last, of_before]) in c.iter_mut().zip(&*RECURRENCE).skip(2) {
+                h = [h[1], of_last * x * h[1] - of_before * h[0]];
                 *c += weighted * h[1];
             }
         });
