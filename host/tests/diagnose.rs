@@ -201,13 +201,7 @@ fn static_readings_alone_are_diagnosed_as_far_as_they_go() {
 fn a_prediction_learns_nothing_from_the_runs_that_it_predicts() {
     let mut campaign = simulate(6, None).campaign;
     let kept_back = campaign.runs.split_off(60);
-    let unmade: Vec<Run> = kept_back
-        .iter()
-        .map(|run| Run {
-            measured: None,
-            ..run.clone()
-        })
-        .collect();
+    let unmade: Vec<Run> = kept_back.iter().map(Run::unmade).collect();
     assert_eq!(
         predict_refitted(&campaign, &kept_back, None).unwrap(),
         predict_refitted(&campaign, &unmade, None).unwrap()

@@ -9,8 +9,8 @@
 //! The terms in round brackets are further ones of IEEE 1293 that a diagnosis may ask for; the nominal model has none
 //! of them. The sixth order is not among them: what it rectifies takes moments of the vibration beyond the fourth.
 //!
-//! The model is linear in `K1` times (1, coefficients): [`terms`] and [`further_terms`] give the functions of the
-//! specific force that multiply them, and everything that fits, predicts or propagates uncertainty is built on it.
+//! The model is linear in `K1` times (1, coefficients): [`terms`] gives the functions of the specific force that multiply
+//! the nominal ones, and everything that fits, predicts or propagates uncertainty is built on it.
 
 use serde::{Deserialize, Serialize};
 
@@ -143,19 +143,6 @@ pub fn terms<T: Real>(a: SpecificForce<T>) -> [T; NOMINAL] {
         a.i * a.p,
         a.i * a.o,
         a.p * a.o,
-    ]
-}
-
-/// The functions of the specific force (g) that the further coefficients multiply, in the order of
-/// [`Coefficients::to_further`]: a_I^5, sign(a_I), a_I |a_I|, a_P^2, a_O^2.
-#[inline]
-pub fn further_terms<T: Real>(a: SpecificForce<T>) -> [T; FURTHER] {
-    [
-        a.i.powi(5),
-        sign(a.i),
-        a.i * a.i.abs(),
-        a.p * a.p,
-        a.o * a.o,
     ]
 }
 
@@ -300,6 +287,18 @@ impl<T: Real> Coefficients<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The functions of the specific force (g) that the further coefficients multiply, in the order of
+    /// [`Coefficients::to_further`]: a_I^5, sign(a_I), a_I |a_I|, a_P^2, a_O^2.
+    fn further_terms(a: SpecificForce<f64>) -> [f64; FURTHER] {
+        [
+            a.i.powi(5),
+            sign(a.i),
+            a.i * a.i.abs(),
+            a.p * a.p,
+            a.o * a.o,
+        ]
+    }
 
     #[test]
     fn output_is_the_sum_of_terms_times_coefficients() {

@@ -55,6 +55,16 @@ pub struct Run {
     pub unknown: UnknownCells,
 }
 
+impl Run {
+    /// The same run before it was made: nothing is measured.
+    pub fn unmade(&self) -> Self {
+        Self {
+            measured: None,
+            ..self.clone()
+        }
+    }
+}
+
 /// The instrument's output in one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
@@ -254,8 +264,8 @@ fn measured(row: &Row<'_>) -> Result<Option<Measured>, Error> {
     }))
 }
 
-/// Relative error of the peak detector, a few parts in 1e4, several times over.
-const DETECTOR_REL_ERROR: f64 = 2e-3;
+/// Relative error of the peak detector, a few parts in 1e4, several times over: extremes that differ by less may be alike.
+pub const DETECTOR_REL_ERROR: f64 = 2e-3;
 
 fn extremes(row: &Row<'_>, minimum: &str, maximum: &str) -> Result<Option<Extremes>, Error> {
     if row.text(minimum).is_none() && row.text(maximum).is_none() {

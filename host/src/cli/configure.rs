@@ -14,9 +14,9 @@ use shared::wire::message::StoreFault;
 use super::{Command, Console, positive};
 use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
-use crate::error::Error;
 use crate::configuration::configuration;
 use crate::diagnose::{Diagnosis, Verdict};
+use crate::error::Error;
 use crate::identification::{Method, NAMES, identify};
 use crate::link::{Kept, Link};
 use crate::source::SerialSource;
@@ -146,7 +146,11 @@ fn diagnosed(file: &Path, campaign: &Campaign) -> Result<Calibration<f64>, Error
 impl Command for Configure {
     fn run(self, console: &Console) -> Result<(), Error> {
         // The campaign first: a bad one must not touch the instrument.
-        let wanted = self.campaign.as_deref().map(|c| self.wanted(c)).transpose()?;
+        let wanted = self
+            .campaign
+            .as_deref()
+            .map(|c| self.wanted(c))
+            .transpose()?;
         let mut link = Link::unrecorded(SerialSource::open(&self.port)?)?;
         let kept = match (wanted, self.erase) {
             (None, false) => link.ask_configuration()?,
@@ -199,7 +203,9 @@ fn text(kept: &Kept) -> String {
             let nominal = known.coefficients.nominal.into_iter();
             for (k, (name, value)) in NAMES.into_iter().zip(nominal).enumerate() {
                 let _ = write!(text, "{name:<12} {value:>16.8e}");
-                let n = NOMINAL_RECTIFYING.iter().position(|&rectifying| rectifying == k);
+                let n = NOMINAL_RECTIFYING
+                    .iter()
+                    .position(|&rectifying| rectifying == k);
                 text.push_str(&n.map_or("\n".into(), |n| sigma(&known.covariance, n)));
             }
             for (k, (name, value)) in FURTHER_NAMES.into_iter().zip(further).enumerate() {

@@ -13,7 +13,9 @@ use crate::report;
 
 /// Predict the vibration error of shaker runs from the static test, and from static test and shaker together
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  vre predict campaigns/S01000 --runs new-runs.csv --json prediction.json")]
+#[command(
+    after_help = "Example:\n  vre predict campaigns/S01000 --runs new-runs.csv --json prediction.json"
+)]
 pub struct Predict {
     /// Folder of the campaign
     campaign: PathBuf,
@@ -50,7 +52,8 @@ impl Command for Predict {
         let mut prediction = predict(&campaign, runs, self.prior_sigma)?;
         if let Some(file) = &self.diagnosis {
             let diagnosis = Diagnosis::read(file)?;
-            let with_effects = predict_with_effects(&campaign, &diagnosis, runs, prediction.prior_sigma)?;
+            let with_effects =
+                predict_with_effects(&campaign, &diagnosis, runs, prediction.prior_sigma)?;
             for (run, quantity) in prediction.runs.iter_mut().zip(with_effects) {
                 run.with_effects_vre_g = Some(quantity);
             }

@@ -104,11 +104,12 @@ impl Problem<'_> {
             return Closing::default();
         }
         let quantile = |q: f64| closed[(q * (closed.len() - 1) as f64).round() as usize];
-        if quantile(0.5) <= 0.0 {
+        let fraction = quantile(0.5);
+        if fraction <= 0.0 {
             return Closing::default();
         }
         Closing {
-            fraction: quantile(0.5),
+            fraction,
             interval: [quantile(0.05), quantile(0.95)],
         }
     }
@@ -146,8 +147,7 @@ fn between(runs: &[Run]) -> Vec<Run> {
                 let (_, other, part) = pair(&alike, &elsewhere);
                 [run.band_hz[0].powf(part) * elsewhere[other].band_hz[0].powf(1.0 - part); 2]
             }
-            VibrationKind::Sine => run.band_hz,
-            VibrationKind::Random => run.band_hz,
+            VibrationKind::Sine | VibrationKind::Random => run.band_hz,
         };
         // Nearer to the first, whose attitude the instrument has.
         let (one, other, part) = pair(&along, &made);

@@ -8,7 +8,7 @@ use shared::model::NOMINAL;
 
 use super::catalogue::{self, Effect, Role, Stage};
 use super::compensation::Compensation;
-use super::fit::{Fit, Member, range, settings};
+use super::fit::{ALONG, Fit, Member, range, settings};
 use super::locate::{Condition, ObservableShare};
 use super::next_test::NextTest;
 use super::problem::{Block, Problem};
@@ -188,6 +188,11 @@ impl Diagnosis {
             && self
                 .shrink
                 .is_none_or(|shrink| shrink.closed_fraction > 0.0)
+    }
+
+    /// What of it the instrument may be given.
+    pub fn offered(&self) -> Option<&Compensation> {
+        self.compensation.as_ref().filter(|_| self.serves())
     }
 
     /// The most probable effects with their parameters, as far as adding them makes predictions better.
@@ -549,39 +554,36 @@ impl Problem<'_> {
         let member = &fit.members[m];
         let role = member.effect.parameters[k].role;
         let weighing = self.weighing(fit.trust.clone());
-        let score = |changes: &[(usize, f64)]| {
-            let mut members = fit.members.clone();
-            for &(k, value) in changes {
-                members[m].values[k] = value;
-            }
-            self.profile(&members, &weighing)
-        };
         let parts: Vec<Part> = match role {
             Role::Linear { .. } => return (member.values[k], 0.0),
             Role::Curved { .. } => {
-                let part = |value: f64| Part {
-                    value,
-                    width: 0.0,
-                    weight: 1.0,
-                    score: score(&[(k, value)]),
+                let part = |value: f64| {
+                    let mut members = fit.members.clone();
+                    members[m].values[k] = value;
+                    Part {
+                        value,
+                        width: 0.0,
+                        weight: 1.0,
+                        score: self.profile(&members, &weighing),
+                    }
                 };
                 settings(role, 24).into_iter().map(part).collect()
             }
             Role::Stepped { from, to, .. } => {
-                let along = member.effect.linear();
-                let mut others = settings(member.effect.parameters[along].role, 20);
-                others.push(member.values[along]);
-                let part = |(low, high): (f64, f64)| {
-                    let value = 0.5 * (low + high);
-                    let scores = others.iter().map(|&o| score(&[(along, o), (k, value)]));
-                    Part {
-                        value,
+                let first = member.effect.linear();
+                let mut along = settings(member.effect.parameters[first].role, ALONG);
+                along.push(member.values[first]);
+                let part = |step: (f64, f64)| {
+                    let best = self.best_at_step(&fit.members, (m, k), step, &along, &weighing);
+                    let (low, high) = step;
+                    Some(Part {
+                        value: 0.5 * (low + high),
                         width: high - low,
                         weight: high - low,
-                        score: scores.fold(f64::INFINITY, f64::min),
-                    }
+                        score: best?.0,
+                    })
                 };
-                self.steps(from, to).into_iter().map(part).collect()
+                self.steps(from, to).into_iter().filter_map(part).collect()
             }
         };
         moments(&parts)

@@ -10,9 +10,12 @@ use super::catalogue::{Action, Effect, Role, Seen};
 use super::dense::Cholesky;
 use super::motion::Motion;
 use super::problem::{Block, Change, Column, Normal, Problem, Situation};
+use crate::campaign::DETECTOR_REL_ERROR;
 
 /// Change of chi-square, and of the logarithm of a run's weight, at which a fit has settled.
 const SETTLED: f64 = 1e-2;
+/// Settings of the first curved parameter that go along with one that goes by steps.
+pub(super) const ALONG: usize = 20;
 
 /// An effect with values of its parameters.
 #[derive(Clone, Debug)]
@@ -462,12 +465,11 @@ impl Problem<'_> {
     /// The ranges of a threshold of the runs' peaks over which it makes no difference: from peak to peak. Peaks alike but for
     /// the detector's error count as one.
     pub(super) fn steps(&self, from: f64, to: f64) -> Vec<(f64, f64)> {
-        const ALIKE: f64 = 2e-3;
         let mut edges: Vec<f64> = self.situation.peaks_g.clone();
         edges.retain(|peak| (from..to).contains(peak));
         edges.extend([from, to]);
         edges.sort_by(f64::total_cmp);
-        edges.dedup_by(|b, a| *b < *a * (1.0 + ALIKE));
+        edges.dedup_by(|b, a| *b < *a * (1.0 + DETECTOR_REL_ERROR));
         edges.windows(2).map(|edge| (edge[0], edge[1])).collect()
     }
 
@@ -497,6 +499,26 @@ impl Problem<'_> {
         moved
     }
 
+    /// At a step of parameter `k` of member `m` the best of some settings `along` it of the effect's first curved parameter,
+    /// with its objective.
+    pub(super) fn best_at_step(
+        &self,
+        members: &[Member],
+        (m, k): (usize, usize),
+        (low, high): (f64, f64),
+        along: &[f64],
+        weighing: &Weighing,
+    ) -> Option<(f64, Vec<Member>)> {
+        let with = |setting: &f64| {
+            let mut members = members.to_vec();
+            let first = members[m].effect.linear();
+            members[m].values[first] = *setting;
+            members[m].values[k] = 0.5 * (low + high);
+            (self.profile(&members, weighing), members)
+        };
+        along.iter().map(with).min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
     /// The best of fits anew from the most promising steps of a parameter that goes by steps, the effect's first curved
     /// parameter going along: the fit itself looked near its start alone. `None` if that is no better.
     pub(super) fn stepped_anew(&self, fit: &Fit) -> Option<Fit> {
@@ -508,17 +530,10 @@ impl Problem<'_> {
                 let Role::Stepped { from, to, .. } = parameter.role else {
                     continue;
                 };
-                let along = effect.linear();
-                let settings = settings(effect.parameters[along].role, 20);
-                for (low, high) in self.steps(from, to) {
-                    let with = |setting: &f64| {
-                        let mut members = fit.members.clone();
-                        members[m].values[k] = 0.5 * (low + high);
-                        members[m].values[along] = *setting;
-                        (self.profile(&members, &weighing), members)
-                    };
-                    starts.extend(settings.iter().map(with).min_by(|a, b| a.0.total_cmp(&b.0)));
-                }
+                let along = settings(effect.parameters[effect.linear()].role, ALONG);
+                let steps = self.steps(from, to).into_iter();
+                let best = |step| self.best_at_step(&fit.members, (m, k), step, &along, &weighing);
+                starts.extend(steps.filter_map(best));
             }
         }
         starts.sort_by(|a, b| a.0.total_cmp(&b.0));

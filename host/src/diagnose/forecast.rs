@@ -42,14 +42,10 @@ fn predict(
     prior_sigma: Option<f64>,
 ) -> Result<Vec<Quantity>, Error> {
     // A run of the campaign itself must not act twice; what others gave must not be learned from.
-    let new: Vec<Run> = runs
-        .iter()
-        .filter(|run| !campaign.runs.iter().any(|own| same(own, run)))
-        .map(|run| Run {
-            measured: None,
-            ..run.clone()
-        })
-        .collect();
+    let asked: Vec<Run> = runs.iter().map(Run::unmade).collect();
+    let own: Vec<Run> = campaign.runs.iter().map(Run::unmade).collect();
+    let mut new = asked.clone();
+    new.retain(|run| !own.contains(run));
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
     let mut problem = Problem::new(campaign, &new);
     if let Some(sigma) = prior_sigma {
@@ -68,24 +64,20 @@ fn predict(
     let forecast = predictor.forecast(&fit);
     let commanded = &predictor.situation.motions;
     let unseen = predictor.unseen_variance(&nominal(&fit.theta), commanded, &forecast.record);
-    let found = runs.iter().map(|run| {
-        let known = &predictor.situation.runs;
-        let row = known.iter().position(|known| same(known, run));
+    let known: Vec<Run> = predictor
+        .situation
+        .runs
+        .iter()
+        .map(|r| r.unmade())
+        .collect();
+    let found = asked.iter().map(|run| {
+        let row = known.iter().position(|known| known == run);
         row.map_or(Quantity::UNDETERMINED, |row| {
             let variance = forecast.variance(row, &fit) + unseen[row];
             Quantity::new(forecast.vre_g[row], variance.sqrt())
         })
     });
     Ok(found.collect())
-}
-
-/// Whether two runs are the same, whatever they gave.
-fn same(a: &Run, b: &Run) -> bool {
-    let made = |run: &Run| Run {
-        measured: None,
-        ..run.clone()
-    };
-    made(a) == made(b)
 }
 
 /// What a fit says of every run's vibration error.

@@ -771,7 +771,6 @@ fn power_excess(runs: &[&Run], campaign: &Campaign) -> f64 {
     if mean.abs() > 4.0 * sigma { mean } else { 0.0 }
 }
 
-/// Largest magnitude of the vibration along IA: from the peak detector where there is one, g.
 /// Cosine of the angle between motion and IA below which the output's extremes do not tell the motion.
 const LEAST_COSINE: f64 = 0.05;
 

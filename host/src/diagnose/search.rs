@@ -170,22 +170,23 @@ impl Problem<'_> {
 
     /// Puts the most probable fit's parameters that go by steps where they do best.
     fn step_best(&self, fits: &mut [Fit], catalogue: usize) {
-        let weight = |fit: &Fit| self.weigh(fit, catalogue);
-        let best = fits
-            .iter_mut()
-            .max_by(|a, b| weight(a).total_cmp(&weight(b)));
-        if let Some(best) = best
-            && let Some(again) = self.stepped_anew(best)
+        if let Some(best) = self.most_probable(fits, catalogue)
+            && let Some(again) = self.stepped_anew(&fits[best])
         {
-            *best = again;
+            fits[best] = again;
         }
+    }
+
+    /// The most probable of several fits by its number.
+    fn most_probable(&self, fits: &[Fit], catalogue: usize) -> Option<usize> {
+        let weight = |k: &usize| self.weigh(&fits[*k], catalogue);
+        (0..fits.len()).max_by(|a, b| weight(a).total_cmp(&weight(b)))
     }
 
     /// How well the most probable of several fits does.
     fn judge(&self, fits: &[Fit], families: &[Vec<Column>], catalogue: usize) -> Option<Adequacy> {
-        let weight = |fit: &&Fit| self.weigh(fit, catalogue);
-        let best = fits.iter().max_by(|a, b| weight(a).total_cmp(&weight(b)))?;
-        Some(self.adequacy(best, families))
+        let best = self.most_probable(fits, catalogue)?;
+        Some(self.adequacy(&fits[best], families))
     }
 
     /// Coefficients from all that stands still.

@@ -111,11 +111,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             100.0 * cause.share
         );
     }
-    if let Some(compensation) = diagnosis
-        .compensation
-        .as_ref()
-        .filter(|_| diagnosis.serves())
-    {
+    if let Some(compensation) = diagnosis.offered() {
         for id in &compensation.carried {
             let _ = writeln!(
                 out,

@@ -291,7 +291,7 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
         } @else if named {
             p { "They would make predictions of further runs no better, so those are made without them." }
         }
-        @if let Some(compensation) = diagnosis.compensation.as_ref().filter(|_| diagnosis.serves()) {
+        @if let Some(compensation) = diagnosis.offered() {
             @for id in &compensation.carried {
                 p { "The instrument's compensation can carry " b { (id) } " as a coefficient: " code { "vre configure --diagnosis" } " hands it over." }
             }

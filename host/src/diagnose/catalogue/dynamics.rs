@@ -1,7 +1,7 @@
 //! What the instrument's inner motion and its servo loop add.
 
 use super::{Action, Effect, Stage, even, linear, logarithmic};
-use crate::campaign::VibrationKind;
+use crate::campaign::{DETECTOR_REL_ERROR, Run, VibrationKind};
 use crate::diagnose::problem::{Block, Situation};
 
 pub(super) const EFFECTS: &[Effect] = &[
@@ -76,30 +76,25 @@ fn filtered(
     }
 }
 
-/// Relative difference within which extremes are alike: several times the peak detector's.
-const ALIKE: f64 = 2e-3;
-
 /// The greatest and the least output of all runs, g, each if three random records or more end there: that two do
 /// may be chance.
 fn common_ends(s: &Situation<'_>) -> [Option<f64>; 2] {
-    let extremes = |kind: Option<VibrationKind>| {
-        let runs = s
-            .runs
-            .iter()
-            .filter(move |run| kind.is_none_or(|kind| run.kind == kind));
-        runs.filter_map(|run| run.measured?.extremes)
-    };
     let end = |sign: f64| {
-        let outward = |e: crate::campaign::Extremes| {
-            let end_v = if sign > 0.0 { e.maximum_v } else { e.minimum_v };
-            sign * end_v / s.scale_v_per_g
+        let outward = |run: &&Run| {
+            let extremes = run.measured?.extremes?;
+            let end_v = if sign > 0.0 {
+                extremes.maximum_v
+            } else {
+                extremes.minimum_v
+            };
+            Some((run.kind, sign * end_v / s.scale_v_per_g))
         };
-        let end = extremes(None)
-            .map(outward)
-            .fold(f64::NEG_INFINITY, f64::max);
-        let random = extremes(Some(VibrationKind::Random)).map(outward);
-        let there = random.filter(|o| *o > end - ALIKE * end.abs()).count();
-        (there > 2).then_some(sign * end)
+        let ends: Vec<(VibrationKind, f64)> = s.runs.iter().filter_map(outward).collect();
+        let end = ends.iter().map(|e| e.1).fold(f64::NEG_INFINITY, f64::max);
+        let there = |&&(kind, outward): &&(VibrationKind, f64)| {
+            kind == VibrationKind::Random && outward > end - DETECTOR_REL_ERROR * end.abs()
+        };
+        (ends.iter().filter(there).count() > 2).then_some(sign * end)
     };
     [end(1.0), end(-1.0)]
 }
@@ -148,21 +143,18 @@ fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose
         {
             // A limit below the extreme is none. Where several records end alike, it is not above either.
             let [most, least] = ends;
-            let above = high - extremes.maximum_v / s.scale_v_per_g;
-            let below = low - extremes.minimum_v / s.scale_v_per_g;
-            let on = |end: Option<f64>, distance: f64, limit: f64| {
-                end.is_some_and(|end| (limit - distance - end).abs() < ALIKE * end.abs())
+            let there = |end: Option<f64>, extreme: f64| {
+                end.is_some_and(|end| (extreme - end).abs() < DETECTOR_REL_ERROR * end.abs())
             };
-            let above = if on(most, above, high) {
-                above
-            } else {
-                above.min(0.0)
-            };
-            let below = if on(least, below, low) {
-                below
-            } else {
-                below.max(0.0)
-            };
+            let maximum = extremes.maximum_v / s.scale_v_per_g;
+            let minimum = extremes.minimum_v / s.scale_v_per_g;
+            let (mut above, mut below) = (high - maximum, low - minimum);
+            if !there(most, maximum) {
+                above = above.min(0.0);
+            }
+            if !there(least, minimum) {
+                below = below.max(0.0);
+            }
             change.add(Block::Maximum, row, above);
             change.add(Block::Minimum, row, below);
         }
