@@ -6,10 +6,11 @@
 
 use shared::model::{Coefficients, NOMINAL};
 
-use super::catalogue::{Action, Effect, Role, Seen};
+use super::catalogue::{Action, Effect, Role};
 use super::dense::Cholesky;
 use super::motion::Motion;
-use super::problem::{Block, Change, Column, Normal, Problem, Situation};
+use super::parts::Parts;
+use super::problem::{Block, Column, Normal, Problem};
 use crate::campaign::DETECTOR_REL_ERROR;
 
 /// Change of chi-square, and of the logarithm of a run's weight, at which a fit has settled.
@@ -50,19 +51,6 @@ pub struct Fit {
     pub trust: Vec<f64>,
     /// Motion of the instrument under the hypothesis.
     pub motions: Vec<Motion>,
-}
-
-/// The prediction's parts at given parameters.
-pub(super) struct Parts {
-    /// Nominal columns; `None` if the motion is as commanded.
-    nominal: Option<Vec<Column>>,
-    pub(super) motions: Option<Vec<Motion>>,
-    /// Columns of the parameters in proportion, and the variance that a unit of each adds.
-    linear: Vec<(Column, Vec<f64>)>,
-    /// What is added without a parameter in proportion.
-    pub(super) offset: Option<Column>,
-    /// Variance added without one.
-    variance: Vec<f64>,
 }
 
 /// Internal scale of a curved parameter.
@@ -147,136 +135,6 @@ struct Solution {
 }
 
 impl Problem<'_> {
-    pub(super) fn parts(&self, members: &[Member]) -> Parts {
-        let s = &self.situation;
-        let mut parts = Parts {
-            nominal: None,
-            motions: None,
-            linear: Vec::new(),
-            offset: None,
-            variance: vec![0.0; self.run_count()],
-        };
-        for Member { effect, values } in members {
-            if let Action::Moves(move_, _) = effect.action {
-                move_(
-                    values,
-                    s,
-                    parts.motions.get_or_insert_with(|| s.motions.clone()),
-                );
-            }
-        }
-        // What adds to the output sees the motion as it is.
-        let moved = parts.motions.as_ref().map(|motions| Situation {
-            motions: motions.clone(),
-            ..s.clone()
-        });
-        let felt = moved.as_ref().unwrap_or(s);
-        let mut offset = None;
-        for Member { effect, values } in members {
-            match effect.action {
-                Action::Adds(add) => {
-                    let columns = || -> Vec<(Column, Vec<f64>)> {
-                        let column = |k: usize| {
-                            let mut change = self.no_change();
-                            add(values, k, felt, &mut change);
-                            self.whiten(change)
-                        };
-                        (0..effect.linear()).map(column).collect()
-                    };
-                    if moved.is_none() {
-                        let curved = &values[effect.linear()..];
-                        self.made.get(effect.id, curved, columns, |columns| {
-                            parts.linear.extend_from_slice(columns);
-                        });
-                    } else {
-                        parts.linear.extend(columns());
-                    }
-                    if effect.linear() == 0 {
-                        let change = offset.get_or_insert_with(|| self.no_change());
-                        add(values, 0, felt, change);
-                    }
-                }
-                Action::Moves(..) => {}
-                Action::Scatters(scatter) => {
-                    for (run, variance) in s.runs.iter().zip(&mut parts.variance) {
-                        *variance += values[0] * values[0] * scatter(run, s);
-                    }
-                }
-            }
-        }
-        if let Some(motions) = &parts.motions {
-            parts.nominal = Some(self.redesign(motions));
-            self.add_seen(members, &mut offset);
-        }
-        if let Some(change) = offset {
-            let (column, variance) = self.whiten(change);
-            parts.offset = Some(column);
-            for (sum, added) in parts.variance.iter_mut().zip(variance) {
-                *sum += added;
-            }
-        }
-        parts
-    }
-
-    /// Adds what the reference sees of a changed motion.
-    fn add_seen(&self, members: &[Member], offset: &mut Option<Change>) {
-        let s = &self.situation;
-        let swapped = self.seen_beside_instrument.min(s.runs.len());
-        let by_reference = members
-            .iter()
-            .any(|m| matches!(m.effect.action, Action::Moves(_, Seen::ByReference)));
-        if !by_reference && swapped == s.runs.len() {
-            return;
-        }
-        let change = offset.get_or_insert_with(|| self.no_change());
-        let mut seen = s.motions.clone();
-        let mut felt = s.motions.clone();
-        for member in members {
-            if let Action::Moves(move_, by) = member.effect.action {
-                move_(&member.values, s, &mut felt);
-                if by == Seen::ByReference {
-                    move_(&member.values, s, &mut seen);
-                }
-            }
-        }
-        seen[swapped..].copy_from_slice(&felt[swapped..]);
-        for (row, (run, motion)) in s.runs.iter().zip(&seen).enumerate() {
-            let h = motion.second_harmonic;
-            // The harmonic adds its own power, h^2.
-            let rms = (1.0 + h * h).sqrt();
-            for axis in 0..3 {
-                let ratio = motion.amplitude_g[axis] / run.level_g * rms;
-                change.add(
-                    Block::Reference,
-                    3 * row + axis,
-                    ratio - run.direction[axis],
-                );
-            }
-            // M[(sin x - h cos 2x)^3] = 3h/4, M[..^4] = 3/8 (1 + 4 h^2 + h^4), over the rms value's powers.
-            let (h2, power) = (h * h, 0.5 * (1.0 + h * h));
-            change.add(Block::Shape, 2 * row, 0.75 * h / power.powf(1.5));
-            change.add(
-                Block::Shape,
-                2 * row + 1,
-                0.375 * (1.0 + 4.0 * h2 + h2 * h2) / (power * power) - 1.5,
-            );
-        }
-    }
-
-    /// Motions of the instrument under some effects, and what the reference sees of them, whitened.
-    pub(super) fn moved_motions(&self, members: &[Member]) -> (Vec<Motion>, Option<Column>) {
-        let s = &self.situation;
-        let mut motions = s.motions.clone();
-        for Member { effect, values } in members {
-            if let Action::Moves(move_, _) = effect.action {
-                move_(values, s, &mut motions);
-            }
-        }
-        let mut seen = None;
-        self.add_seen(members, &mut seen);
-        (motions, seen.map(|change| self.whiten(change).0))
-    }
-
     /// Least squares over the coefficients, whose normal equations are given, and further columns with `precision` on
     /// them; `offset` is taken off the observations.
     fn solve(
@@ -357,9 +215,9 @@ impl Problem<'_> {
         weighing: &Weighing,
     ) -> Option<Solution> {
         let trust = &weighing.trust;
-        let moved = parts.nominal.as_deref();
+        let moved = parts.nominal();
         let normal = moved.map(|nominal| self.normal(nominal, trust));
-        let linear = parts.linear.iter().map(|(column, _)| column);
+        let linear = parts.linear().map(|(column, _)| column);
         self.solve(
             normal.as_ref().unwrap_or(&weighing.commanded),
             moved.unwrap_or(&self.nominal),
@@ -376,8 +234,8 @@ impl Problem<'_> {
             .offset
             .as_ref()
             .map_or_else(|| vec![0.0; self.weights.len()], |o| o.values.clone());
-        let nominal = parts.nominal.iter().flatten().zip(x);
-        for (column, x) in nominal.chain(parts.linear.iter().map(|(c, _)| c).zip(&x[NOMINAL..])) {
+        let nominal = parts.nominal().into_iter().flatten().zip(x);
+        for (column, x) in nominal.chain(parts.linear().map(|(c, _)| c).zip(&x[NOMINAL..])) {
             for (s, v) in sum.iter_mut().zip(&column.values) {
                 *s += x * v;
             }
@@ -408,11 +266,14 @@ impl Problem<'_> {
             };
             for _ in 0..steps {
                 derivatives = self.derivatives(&members, &solution.x, &curved);
-                let Some(direction) =
+                let Some((direction, objective)) =
                     self.direction(&members, &parts, &derivatives, &curved, &weighing)
                 else {
                     break;
                 };
+                if solution.objective - objective < SETTLED {
+                    break;
+                }
                 let better = [1.0, 0.3, 0.1, 0.03, 0.01]
                     .into_iter()
                     .find_map(|fraction| {
@@ -435,8 +296,8 @@ impl Problem<'_> {
             }
             // What of the random runs nobody saw follows from the fit itself.
             let theta = nominal(&solution.x);
-            let motions = parts.motions.as_deref().unwrap_or(&self.situation.motions);
-            let added = added_variance(&parts, &solution.x);
+            let motions = parts.motions().unwrap_or(&self.situation.motions);
+            let added = parts.added_variance(&solution.x);
             let extra = self.unseen_variance(&theta, motions, &added);
             let trust: Vec<f64> = extra.iter().map(|e| 1.0 / (1.0 + e)).collect();
             let before = weighing.trust.iter().zip(&trust);
@@ -591,8 +452,8 @@ impl Problem<'_> {
         for member in members {
             x.extend_from_slice(&member.values[..member.effect.linear()]);
         }
-        let mut variance = added_variance(&parts, &x);
-        if let Some(motions) = &parts.motions {
+        let mut variance = parts.added_variance(&x);
+        if let Some(motions) = parts.motions() {
             let coefficients = nominal(&x);
             for (variance, (run, motion)) in variance
                 .iter_mut()
@@ -618,21 +479,11 @@ impl Problem<'_> {
         }
         let derivatives = self.derivatives(members, &x, &curved);
         let prediction = self.fitted(&parts, &x);
-        let added = added_variance(&parts, &x);
-        let linear = parts.linear.into_iter().map(|(column, _)| column);
-        let nominal = parts.nominal.unwrap_or_else(|| self.nominal.clone());
-        (
-            nominal
-                .into_iter()
-                .chain(linear)
-                .chain(derivatives)
-                .collect(),
-            prediction,
-            added,
-        )
+        let added = parts.added_variance(&x);
+        (self.unknowns(&parts, derivatives), prediction, added)
     }
 
-    /// The Gauss-Newton step of the curved parameters on their internal scale.
+    /// The Gauss-Newton step of the curved parameters on their internal scale, and the objective that it promises.
     fn direction(
         &self,
         members: &[Member],
@@ -640,10 +491,11 @@ impl Problem<'_> {
         derivatives: &[Column],
         curved: &[(usize, usize)],
         weighing: &Weighing,
-    ) -> Option<Vec<f64>> {
+    ) -> Option<(Vec<f64>, f64)> {
         let precision = curved_precision(members, curved, 1.0)?;
         let solved = self.solve_near(members, parts, derivatives, &precision, weighing)?;
-        Some(solved.x[solved.x.len() - curved.len()..].to_vec())
+        let step = solved.x[solved.x.len() - curved.len()..].to_vec();
+        Some((step, solved.objective))
     }
 
     #[expect(clippy::too_many_arguments, reason = "the end of a fit")]
@@ -693,21 +545,16 @@ impl Problem<'_> {
             self.solve_near(&members, &parts, &derivatives, &precision, &weighing)?
                 .factor
         };
-        let linear = parts.linear.into_iter().map(|(column, _)| column);
-        let nominal = parts.nominal.unwrap_or_else(|| self.nominal.clone());
-        let columns: Vec<Column> = nominal
-            .into_iter()
-            .chain(linear)
-            .chain(derivatives)
-            .collect();
+        let columns = self.unknowns(&parts, derivatives);
         let objective = solution.objective + log_variance;
         let volume = unknowns.len() as f64 * std::f64::consts::TAU.ln() - factor.log_determinant();
         Some(Fit {
             log_evidence: 0.5 * (volume - objective) + log_prior,
             covariance: factor.inverse(),
             motions: parts
-                .motions
-                .unwrap_or_else(|| self.situation.motions.clone()),
+                .motions()
+                .unwrap_or(&self.situation.motions)
+                .to_vec(),
             members,
             theta,
             objective,
@@ -718,10 +565,21 @@ impl Problem<'_> {
         })
     }
 
+    /// What each unknown does: the coefficients, what is in proportion, then the curved parameters by their derivatives.
+    fn unknowns(&self, parts: &Parts, derivatives: Vec<Column>) -> Vec<Column> {
+        let nominal = parts.nominal().unwrap_or(&self.nominal).iter();
+        let linear = parts.linear().map(|(column, _)| column);
+        nominal
+            .chain(linear)
+            .cloned()
+            .chain(derivatives)
+            .collect()
+    }
+
     /// The whole prediction, whitened.
     fn fitted(&self, parts: &Parts, x: &[f64]) -> Vec<f64> {
         let mut sum = self.predicted(parts, x);
-        if parts.nominal.is_none() {
+        if parts.nominal().is_none() {
             for (column, x) in self.nominal.iter().zip(x) {
                 for (s, v) in sum.iter_mut().zip(&column.values) {
                     *s += x * v;
@@ -758,17 +616,6 @@ fn curved(members: &[Member]) -> Vec<(usize, usize)> {
         found.extend(curved.map(|(k, _)| (m, k)));
     }
     found
-}
-
-/// The variance that effects add to each run's `during`, g^2.
-fn added_variance(parts: &Parts, x: &[f64]) -> Vec<f64> {
-    let mut added = parts.variance.clone();
-    for ((_, unit), x) in parts.linear.iter().zip(&x[NOMINAL..]) {
-        for (sum, unit) in added.iter_mut().zip(unit) {
-            *sum += x * x * unit;
-        }
-    }
-    added
 }
 
 /// The members a fraction of a step further, within the parameters' ranges.

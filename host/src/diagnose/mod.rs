@@ -20,6 +20,7 @@ mod forecast;
 mod locate;
 pub mod motion;
 mod next_test;
+mod parts;
 pub mod problem;
 pub mod published;
 pub mod search;

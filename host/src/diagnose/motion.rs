@@ -7,11 +7,10 @@ use shared::model::{NOMINAL, SpecificForce};
 use shared::rectification::Sensitivity;
 use shared::vibration::{Harmonic, Kinked, KinkedMeans, Moments};
 
+use super::dense::inner_product;
 use crate::campaign::{Run, VibrationKind};
 use crate::finite_record::{ORDERS, correlation_integrals};
 
-/// Phases at which half a period of a distorted sine is sampled.
-const PHASES: usize = 512;
 /// Nodes on each smooth piece of half a period, and of the normal density between -REACH and REACH standard deviations.
 const SINE_NODES: usize = 20;
 const NORMAL_NODES: usize = 60;
@@ -29,11 +28,6 @@ pub struct Motion {
     /// Relative variance of the mean square, from a spectrum that nobody measured.
     pub power_variance: f64,
 }
-
-/// Sines of phases over half a period, which pass every value of the whole.
-static SINES: LazyLock<[f64; PHASES]> = LazyLock::new(|| {
-    std::array::from_fn(|k| (((k as f64 + 0.5) / PHASES as f64 - 0.5) * PI).sin())
-});
 
 impl Motion {
     /// The commanded motion, a random record's shape as the reference saw it.
@@ -64,9 +58,18 @@ impl Motion {
         -a0_i_g / self.amplitude_g[0]
     }
 
-    /// Extreme multiples of the amplitude of a sine with its second harmonic: least and greatest.
+    /// Multiples of a sine's amplitude, its second harmonic included, at which IA feels most and least.
     pub fn extremes(&self) -> [f64; 2] {
-        [-1.0 + self.second_harmonic, 1.0 + self.second_harmonic]
+        let h = self.second_harmonic;
+        // From a quarter on it turns between the quarter periods as well.
+        let turn = (-0.25 / h).clamp(-1.0, 1.0);
+        let turn = turn - h * (1.0 - 2.0 * turn * turn);
+        let (least, most) = (turn.min(h - 1.0), turn.max(h + 1.0));
+        if self.amplitude_g[0] < 0.0 {
+            [least, most]
+        } else {
+            [most, least]
+        }
     }
 
     /// Derivatives of the vibration error by the nominal coefficients.
@@ -91,37 +94,14 @@ impl Motion {
         Sensitivity::new(run.specific_force_g.i, moments).nominal
     }
 
-    /// Moments of s - h cos 2x, s = sin x: M[s^2 cos 2x] = -1/4 and M[s^2 cos^2 2x] = 1/4. M|a0 + w| from the phases.
+    /// Moments of s - h cos 2x, s = sin x: M[s^2 cos 2x] = -1/4 and M[s^2 cos^2 2x] = 1/4.
     fn distorted(&self, a0: f64) -> Moments<f64> {
         let [i, p, o] = self.amplitude_g;
         let h = self.second_harmonic;
         let h2 = h * h;
         let m2 = 0.5 * (1.0 + h2);
-        let m2_g2 = m2 * i * i;
-        let kinked = if a0 != 0.0 && a0.abs() >= i.abs() * (1.0 + h.abs()) {
-            // It never passes the kink.
-            KinkedMeans {
-                sign: a0.signum(),
-                absolute_g: 0.0,
-                signed_square_g2: a0.signum() * m2_g2,
-            }
-        } else {
-            let mut sums = [0.0; 3];
-            for k in 0..PHASES {
-                let a = a0 + i * self.sine_at(k);
-                sums[0] += if a == 0.0 { 0.0 } else { a.signum() };
-                sums[1] += a.abs() - a0.abs();
-                sums[2] += a * a.abs() - a0 * a0.abs();
-            }
-            let [sign, absolute_g, signed_square_g2] = sums.map(|sum| sum / PHASES as f64);
-            KinkedMeans {
-                sign,
-                absolute_g,
-                signed_square_g2,
-            }
-        };
         Moments {
-            m2_g2,
+            m2_g2: m2 * i * i,
             m3_g3: 0.75 * h * i * i * i,
             m4_g4: (0.375 * (1.0 + h2 * h2) + 1.5 * h2) * i * i * i * i,
             m5_g5: 0.0,
@@ -130,14 +110,55 @@ impl Motion {
             cross_po_g2: m2 * p * o,
             m2_p_g2: m2 * p * p,
             m2_o_g2: m2 * o * o,
-            kinked: Kinked::Measured(kinked),
+            kinked: Kinked::Measured(self.distorted_kinks(a0)),
         }
     }
 
-    /// Multiple of the amplitude at phase number k of half a period.
-    fn sine_at(&self, k: usize) -> f64 {
-        let sine = SINES[k];
-        sine - self.second_harmonic * (1.0 - 2.0 * sine * sine)
+    /// Means of sign(a), |a| and a|a| from the integrals of 1, a and a^2 over the pieces of half a period, which passes every
+    /// value of the whole, on which a = a0 + i (sin x - h cos 2x) keeps its sign.
+    fn distorted_kinks(&self, a0: f64) -> KinkedMeans<f64> {
+        let [i, h] = [self.amplitude_g[0], self.second_harmonic];
+        let a = |x: f64| a0 + i * (x.sin() - h * (2.0 * x).cos());
+        let integrals = |x: f64| {
+            let [c1, c3] = [x, 3.0 * x].map(f64::cos);
+            let [s2, s4] = [2.0 * x, 4.0 * x].map(f64::sin);
+            let vibration = -c1 - 0.5 * h * s2;
+            let square =
+                0.5 * x - 0.25 * s2 + h * (c3 / 3.0 - c1) + h * h * (0.5 * x + 0.125 * s4);
+            [
+                x,
+                a0 * x + i * vibration,
+                a0 * a0 * x + 2.0 * a0 * i * vibration + i * i * square,
+            ]
+        };
+        let mut sums = [0.0; 3];
+        let mut from = -FRAC_PI_2;
+        for to in self.phases(self.zero(a0)).into_iter().chain([FRAC_PI_2]) {
+            let middle = a(0.5 * (from + to));
+            let sign = f64::from(middle > 0.0) - f64::from(middle < 0.0);
+            let piece = integrals(to).into_iter().zip(integrals(from));
+            for (sum, (to, from)) in sums.iter_mut().zip(piece) {
+                *sum += sign * (to - from);
+            }
+            from = to;
+        }
+        let [sign, absolute_g, signed_square_g2] = sums.map(|sum| sum / PI);
+        KinkedMeans {
+            sign,
+            absolute_g: absolute_g - a0.abs(),
+            signed_square_g2: signed_square_g2 - a0 * a0.abs(),
+        }
+    }
+
+    /// Phases in half a period, in their order, at which a sine with its second harmonic passes a multiple of the amplitude.
+    fn phases(&self, multiple: f64) -> Vec<f64> {
+        // 2 h s^2 + s - (h + multiple) = 0: by the root that does not cancel, and the other one from their product.
+        let h = self.second_harmonic;
+        let root = 0.5 * (1.0 + (1.0 + 8.0 * h * (h + multiple)).sqrt());
+        let mut sines = [(h + multiple) / root, -root / (2.0 * h)];
+        sines.sort_by(f64::total_cmp);
+        let passed = sines.into_iter().filter(|sine| sine.abs() < 1.0);
+        passed.map(f64::asin).collect()
     }
 }
 
@@ -206,38 +227,47 @@ impl Averages {
         let at = |w: f64| function([a0.i + i * w, a0.p + p * w, a0.o + o * w]);
         if run.kind == VibrationKind::Sine {
             // Half a period passes every value of the whole.
-            let kinks = kinks.iter().filter(|k| k.abs() < 1.0).map(|k| k.asin());
+            let h = motion.second_harmonic;
+            let kinks = kinks.iter().flat_map(|kink| motion.phases(*kink));
             let mut sum = 0.0;
             pieces(FRAC_PI_2, kinks, &self.sine, |x, width| {
-                sum += width * at(x.sin())
+                let sine = x.sin();
+                sum += width * at(sine - h * (1.0 - 2.0 * sine * sine));
             });
             return TimeMean {
                 value: sum / PI,
                 variance: 0.0,
             };
         }
-        let (mut mean, mut square) = (0.0, 0.0);
-        // Coefficients of the orthonormal Hermite polynomials.
-        let mut c = [0.0; ORDERS + 1];
+        // Nodes, and there the weighted function and the orthonormal Hermite polynomials of two orders.
+        let most = NORMAL_NODES * (kinks.len() + 1);
+        let [mut nodes, mut weighted] = [(); 2].map(|()| Vec::with_capacity(most));
+        let mut square = 0.0;
         pieces(REACH, kinks.iter().copied(), &self.normal, |x, width| {
             let f = at(x);
-            if f == 0.0 {
-                return;
-            }
-            let weighted = f * width * (-0.5 * x * x).exp() / TAU.sqrt();
-            mean += weighted;
-            square += weighted * f;
-            let mut h = [1.0, x];
-            c[1] += weighted * x;
-            for (c, [of_last, of_before]) in c.iter_mut().zip(&*RECURRENCE).skip(2) {
-                h = [h[1], of_last * x * h[1] - of_before * h[0]];
-                *c += weighted * h[1];
+            if f != 0.0 {
+                let w = f * width * (-0.5 * x * x).exp() / TAU.sqrt();
+                square += w * f;
+                nodes.push(x);
+                weighted.push(w);
             }
         });
-        c[0] = mean;
+        let mut before = vec![1.0; nodes.len()];
+        let mut last = nodes.clone();
+        // The function's coefficients.
+        let mut c = [0.0; ORDERS + 1];
+        c[0] = weighted.iter().sum();
+        c[1] = inner_product(&weighted, &last);
+        for (c, [of_last, of_before]) in c.iter_mut().zip(&*RECURRENCE).skip(2) {
+            for ((before, last), x) in before.iter_mut().zip(&last).zip(&nodes) {
+                *before = of_last * x * last - of_before * *before;
+            }
+            std::mem::swap(&mut before, &mut last);
+            *c = inner_product(&weighted, &last);
+        }
         // M[He_3] is the skewness, M[He_4] the kurtosis less 3 (the mean square is exact).
         let [skew, kurt] = motion.shape;
-        let value = mean + c[3] * skew / 6f64.sqrt() + c[4] * (kurt - 3.0) / 24f64.sqrt();
+        let value = c[0] + c[3] * skew / 6f64.sqrt() + c[4] * (kurt - 3.0) / 24f64.sqrt();
         let seen = if run.reference.is_some() { 4 } else { 2 };
         let integrals = self.integrals.iter().find(|(band, _)| *band == run.band_hz);
         let mut variance = 0.0;

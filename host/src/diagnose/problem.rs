@@ -4,8 +4,6 @@
 //! factor of their covariance: noise and repeatability of each, one error a mark, two tilts of the base, one error a
 //! remounting. The plateaus of a run stand for themselves, at the run's nominal attitude.
 
-use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
 
@@ -13,6 +11,7 @@ use shared::model::{Coefficients, NOMINAL, SpecificForce, terms};
 use shared::tumble::within_a_turn;
 
 use super::dense::inner_product;
+use super::parts::Made;
 use super::motion::{Averages, Bands, Motion, main_axis};
 use crate::campaign::{Campaign, Reading, Run, VibrationKind};
 use crate::finite_record::unseen_variance_g2;
@@ -80,6 +79,14 @@ pub struct Column {
 }
 
 impl Column {
+    /// Adds another one.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.widen(other.span.clone());
+        for (sum, value) in self.values.iter_mut().zip(&other.values) {
+            *sum += value;
+        }
+    }
+
     fn widen(&mut self, rows: Range<usize>) {
         self.span = if self.span.is_empty() {
             rows
@@ -121,43 +128,6 @@ impl Change {
             self.column.widen(start..end);
             self.column.values[start + row] += value_g;
         }
-    }
-}
-
-/// The columns of an effect's parameters in proportion, and the variance that a unit of each adds.
-type Columns = Vec<(Column, Vec<f64>)>;
-
-/// The columns that were made last, with the effect and its other parameters: a fit moves few parameters at a time.
-#[derive(Debug, Default)]
-pub(super) struct Made(RefCell<VecDeque<(&'static str, Vec<f64>, Columns)>>);
-
-impl Made {
-    const KEPT: usize = 32;
-
-    /// Gives `with` the columns of an effect at these parameters, made by `make` unless they are known.
-    pub(super) fn get(
-        &self,
-        id: &'static str,
-        others: &[f64],
-        make: impl FnOnce() -> Columns,
-        with: impl FnOnce(&[(Column, Vec<f64>)]),
-    ) {
-        let mut kept = self.0.borrow_mut();
-        let known = kept
-            .iter()
-            .position(|known| known.0 == id && known.1 == others);
-        let latest = match known.and_then(|place| kept.remove(place)) {
-            Some(known) => known,
-            None => (id, others.to_vec(), make()),
-        };
-        with(&latest.2);
-        kept.truncate(Self::KEPT - 1);
-        kept.push_front(latest);
-    }
-
-    /// Forgets all: they depend on something that has changed.
-    pub(super) fn clear(&self) {
-        self.0.borrow_mut().clear();
     }
 }
 
@@ -236,7 +206,7 @@ pub struct Problem<'c> {
     kink_variance: Vec<f64>,
     /// Squares of the reciprocal prior standard deviations of the coefficients.
     pub prior_precision: [f64; NOMINAL],
-    /// Columns of effects at the commanded motion.
+    /// What effects did last.
     pub(super) made: Made,
     /// First run that another reference, beside the instrument, sees: all that the instrument itself feels.
     pub(super) seen_beside_instrument: usize,
@@ -568,13 +538,8 @@ impl<'c> Problem<'c> {
             if run.kind == VibrationKind::Random {
                 return [motion.sensitivity(run), [0.0; NOMINAL], [0.0; NOMINAL]];
             }
-            let [low, high] = motion.extremes();
-            let (low, high) = if motion.amplitude_g[0] < 0.0 {
-                (high, low)
-            } else {
-                (low, high)
-            };
-            [motion.sensitivity(run), at(high), at(low)]
+            let [most, least] = motion.extremes();
+            [motion.sensitivity(run), at(most), at(least)]
         })
         .collect()
     }

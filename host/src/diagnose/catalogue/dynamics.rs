@@ -181,9 +181,9 @@ fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose
                     a0[axis] + multiple * motion.amplitude_g[axis]
                 }))
             };
-            let sign = motion.amplitude_g[0].signum();
-            change.add(Block::Maximum, row, at(sign));
-            change.add(Block::Minimum, row, at(-sign));
+            let [most, least] = motion.extremes();
+            change.add(Block::Maximum, row, at(most));
+            change.add(Block::Minimum, row, at(least));
         }
     }
 }

@@ -14,7 +14,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         says: "the bias changes with the sign of the acceleration",
         parameters: &[linear("K0_prime_g", 2e-4)],
         action: Action::Adds(|_, _, s, c| {
-            term(s, c, |a| {
+            term(s, c, true, |a| {
                 if a[0].abs() < DEAD_BAND_G {
                     0.0
                 } else {
@@ -29,7 +29,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a second-order term that keeps the sign, a|a|",
         parameters: &[linear("Koq_per_g", 3e-4)],
-        action: Action::Adds(|_, _, s, c| term(s, c, |a| a[0] * a[0].abs())),
+        action: Action::Adds(|_, _, s, c| term(s, c, true, |a| a[0] * a[0].abs())),
         report: None,
     },
     Effect {
@@ -37,7 +37,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a nonlinearity of the fifth order",
         parameters: &[linear("k5_per_g4", 1e-5)],
-        action: Action::Adds(|_, _, s, c| term(s, c, |a| a[0].powi(5))),
+        action: Action::Adds(|_, _, s, c| term(s, c, false, |a| a[0].powi(5))),
         report: None,
     },
     Effect {
@@ -45,7 +45,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a nonlinearity of the sixth order",
         parameters: &[linear("k6_per_g5", 2e-6)],
-        action: Action::Adds(|_, _, s, c| term(s, c, |a| a[0].powi(6))),
+        action: Action::Adds(|_, _, s, c| term(s, c, false, |a| a[0].powi(6))),
         report: None,
     },
     Effect {
@@ -53,14 +53,20 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "the output answers to the square of acceleration across the input axis",
         parameters: &[linear("Kpp_per_g", 2e-4), linear("Koo_per_g", 2e-4)],
-        action: Action::Adds(|_, k, s, c| term(s, c, |a| a[1 + k] * a[1 + k])),
+        action: Action::Adds(|_, k, s, c| term(s, c, false, |a| a[1 + k] * a[1 + k])),
         report: None,
     },
 ];
 
 /// Adds a function of the specific force: at each dial position, at rest before and after a run, its time mean during
 /// the run, and its value at the extremes of a sine.
-fn term(s: &Situation<'_>, change: &mut Change, function: impl Fn([f64; 3]) -> f64) {
+/// `kinked` if it, or its slope, jumps where IA feels nothing.
+fn term(
+    s: &Situation<'_>,
+    change: &mut Change,
+    kinked: bool,
+    function: impl Fn([f64; 3]) -> f64,
+) {
     for (row, reading) in s.readings.iter().enumerate() {
         let a = reading.specific_force_g;
         change.add(Block::Static, row, function([a.i, a.p, a.o]));
@@ -71,20 +77,20 @@ fn term(s: &Situation<'_>, change: &mut Change, function: impl Fn([f64; 3]) -> f
         let at_rest = function(a0);
         change.add(Block::Before, row, at_rest);
         change.add(Block::After, row, at_rest);
-        let mean = s
-            .averages
-            .mean(run, motion, &[motion.zero(a0[0])], &function);
+        let kinks = [motion.zero(a0[0])];
+        let kinks = if kinked { &kinks[..] } else { &[] };
+        let mean = s.averages.mean(run, motion, kinks, &function);
         change.add(Block::During, row, mean.value);
         change.variance[row] += mean.variance;
         if run.kind == VibrationKind::Sine {
-            let sign = motion.amplitude_g[0].signum();
             let at = |multiple: f64| {
                 function(std::array::from_fn(|axis| {
                     a0[axis] + multiple * motion.amplitude_g[axis]
                 }))
             };
-            change.add(Block::Maximum, row, at(sign));
-            change.add(Block::Minimum, row, at(-sign));
+            let [most, least] = motion.extremes();
+            change.add(Block::Maximum, row, at(most));
+            change.add(Block::Minimum, row, at(least));
         }
     }
 }
