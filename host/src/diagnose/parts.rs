@@ -135,12 +135,9 @@ impl Problem<'_> {
                             ..s.clone()
                         });
                         let felt = moved.as_ref().unwrap_or(s);
-                        let column = |k: usize| {
-                            let mut change = self.no_change();
-                            add(values, k, felt, &mut change);
-                            self.whiten(change)
-                        };
-                        (0..effect.linear().max(1)).map(column).collect()
+                        let mut changes = vec![self.no_change(); effect.linear().max(1)];
+                        add(values, felt, &mut changes);
+                        changes.into_iter().map(|change| self.whiten(change)).collect()
                     };
                     let curved = values[effect.linear()..].to_vec();
                     let key = [&[(effect.id, curved)], &by[..]].concat();

@@ -224,11 +224,10 @@ impl Problem<'_> {
                 };
                 match effect.action {
                     Action::Adds(add) => {
-                        for k in 0..effect.linear().max(1) {
-                            let mut change = self.no_change();
-                            add(&start.member.values, k, &self.situation, &mut change);
-                            start.columns.push(self.whiten(change).0);
-                        }
+                        let mut changes = vec![self.no_change(); effect.linear().max(1)];
+                        add(&start.member.values, &self.situation, &mut changes);
+                        let columns = changes.into_iter().map(|change| self.whiten(change).0);
+                        start.columns.extend(columns);
                     }
                     Action::Moves(..) => {
                         let (motions, seen) =

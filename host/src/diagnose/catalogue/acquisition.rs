@@ -43,22 +43,23 @@ pub(super) const EFFECTS: &[Effect] = &[
     },
 ];
 
-fn inl(p: &[f64], k: usize, s: &Situation<'_>, change: &mut Change) {
+fn inl(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
     let rate = PI * p[2];
-    let constant = k as f64;
     let error = |u: f64| {
-        if k == 0 {
-            (rate * u).sin()
-        } else {
-            (rate * u).cos() - constant
+        let (sin, cos) = (rate * u).sin_cos();
+        [sin, cos - 1.0]
+    };
+    let mut add = |block: Block, row: usize, values: [f64; 2]| {
+        for (change, value) in changes.iter_mut().zip(values) {
+            change.add(block, row, value);
         }
     };
     for (row, reading) in s.readings.iter().enumerate() {
         let u = s.coefficients.output_g(reading.specific_force_g);
-        change.add(Block::Static, row, error(u));
+        add(Block::Static, row, error(u));
     }
     // Runs differ in frequency more often than in attitude and level.
-    let mut known: Vec<(SpecificForce<f64>, [f64; 3], [f64; 2])> = Vec::new();
+    let mut known: Vec<(SpecificForce<f64>, [f64; 3], [[f64; 2]; 2])> = Vec::new();
     for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
         let (a0, amplitude_g) = (run.specific_force_g, motion.amplitude_g);
         let same = known
@@ -69,33 +70,37 @@ fn inl(p: &[f64], k: usize, s: &Situation<'_>, change: &mut Change) {
             .map(|known| known.2);
         let [rest, during] = same.unwrap_or_else(|| {
             let u = s.coefficients.output_g(a0);
-            [error(u), shaken(error, constant, rate, run, amplitude_g, s)]
+            [error(u), shaken(error, rate, run, amplitude_g, s)]
         });
         if run.kind == VibrationKind::Sine && same.is_none() {
             known.push((a0, amplitude_g, [rest, during]));
         }
-        change.add(Block::Before, row, rest);
-        change.add(Block::After, row, rest);
-        change.add(Block::During, row, during);
+        add(Block::Before, row, rest);
+        add(Block::After, row, rest);
+        add(Block::During, row, during);
+    }
+    for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
         if run.kind == VibrationKind::Random {
             // sin of a phase spread far over a turn: half of it is scatter, over the independent values of the record.
             let independent = (run.band_hz[1] - run.band_hz[0]).max(1.0) * run.duration_s;
-            let x = rate * amplitude_g[0].abs();
-            change.variance[row] +=
+            let x = rate * motion.amplitude_g[0].abs();
+            let scatter =
                 0.3 * (1.0 - (-x * x).exp()).powi(2) * (1.0 - (-0.25 * x * x).exp()) / independent;
+            changes
+                .iter_mut()
+                .for_each(|change| change.variance[row] += scatter);
         }
     }
 }
 
-/// The time mean of a periodic error, `rate` radians a g, that lacks a constant.
+/// The time means of sin(rate u) and cos(rate u) - 1, `rate` in radians a g.
 fn shaken(
-    error: impl Fn(f64) -> f64,
-    constant: f64,
+    error: impl Fn(f64) -> [f64; 2],
     rate: f64,
     run: &Run,
     amplitude_g: [f64; 3],
     s: &Situation<'_>,
-) -> f64 {
+) -> [f64; 2] {
     let a0 = run.specific_force_g;
     let x = rate * amplitude_g[0].abs();
     if run.kind == VibrationKind::Random || s.searching {
@@ -104,18 +109,21 @@ fn shaken(
             VibrationKind::Sine => libm::j0(x),
             VibrationKind::Random => (-0.5 * x * x).exp(),
         };
-        let u = s.coefficients.output_g(a0);
-        // What is damped is sin(rate u) and cos(rate u); the constant is not.
-        return damping * (error(u) + constant) - constant;
+        let [sin, cos] = error(s.coefficients.output_g(a0));
+        // What is damped is the cosine; the constant is not.
+        return [damping * sin, damping * (cos + 1.0) - 1.0];
     }
     // The instrument's own nonlinearity bends the sine by a good part of the error's period. An even number of phases
     // of a whole period is exact once it exceeds the phase's excursion (Bessel functions of that order vanish).
     let phases = (0.5 * x) as usize + 16;
-    let at = |n: usize| {
+    let mut sums = [0.0; 2];
+    for n in 0..phases {
         let w = (PI * ((n as f64 + 0.5) / phases as f64 - 0.5)).sin();
         let [i, p, o] = amplitude_g.map(|amplitude| amplitude * w);
         let force = SpecificForce::new(a0.i + i, a0.p + p, a0.o + o);
-        error(s.coefficients.output_g(force))
-    };
-    (0..phases).map(at).sum::<f64>() / phases as f64
+        for (sum, value) in sums.iter_mut().zip(error(s.coefficients.output_g(force))) {
+            *sum += value;
+        }
+    }
+    sums.map(|sum| sum / phases as f64)
 }

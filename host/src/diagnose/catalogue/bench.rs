@@ -17,16 +17,11 @@ pub(super) const EFFECTS: &[Effect] = &[
             linear("e2s_arcsec", 40.0),
             linear("e2c_arcsec", 40.0),
         ],
-        action: Action::Adds(|_, k, s, change| {
-            on_dial(s, change, |reading| {
-                let angle = reading.dial_deg.to_radians();
-                let error = [
-                    angle.sin(),
-                    angle.cos(),
-                    (2.0 * angle).sin(),
-                    (2.0 * angle).cos(),
-                ][k];
-                ARCSEC_RAD * error * tangent(reading)
+        action: Action::Adds(|_, s, changes| {
+            on_dial(s, changes, |reading| {
+                let (sin, cos) = reading.dial_deg.to_radians().sin_cos();
+                [sin, cos, 2.0 * sin * cos, (cos - sin) * (cos + sin)]
+                    .map(|error| ARCSEC_RAD * error * tangent(reading))
             });
         }),
         report: None,
@@ -36,14 +31,9 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::StaticBench,
         says: "the base of the dividing head is out of level",
         parameters: &[linear("zero_arcsec", 60.0), linear("axis_arcsec", 60.0)],
-        action: Action::Adds(|_, k, s, change| {
-            on_dial(s, change, |reading| {
-                ARCSEC_RAD
-                    * if k == 0 {
-                        tangent(reading)
-                    } else {
-                        reading.series.lift::<f64>().i
-                    }
+        action: Action::Adds(|_, s, changes| {
+            on_dial(s, changes, |reading| {
+                [tangent(reading), reading.series.lift::<f64>().i].map(|moved| ARCSEC_RAD * moved)
             });
         }),
         report: None,
@@ -54,22 +44,28 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Environment,
         says: "the reading depends on the sense in which the dial came to its mark",
         parameters: &[linear("h_g", 3e-5)],
-        action: Action::Adds(|_, _, s, change| {
-            on_dial(s, change, |reading| {
-                match (reading.series, reading.approach) {
+        action: Action::Adds(|_, s, changes| {
+            on_dial(s, changes, |reading| {
+                [match (reading.series, reading.approach) {
                     (Series::InputAxis, _) => 0.0,
                     (_, Approach::CounterClockwise) => tangent(reading),
                     (_, Approach::Clockwise) => -tangent(reading),
-                }
+                }]
             });
         }),
         report: None,
     },
 ];
 
-fn on_dial(s: &Situation<'_>, change: &mut Change, value: impl Fn(&Reading) -> f64) {
+fn on_dial<const N: usize>(
+    s: &Situation<'_>,
+    changes: &mut [Change],
+    values: impl Fn(&Reading) -> [f64; N],
+) {
     for (row, reading) in s.readings.iter().enumerate() {
-        change.add(Block::Static, row, s.gravity_g * value(reading));
+        for (change, value) in changes.iter_mut().zip(values(reading)) {
+            change.add(Block::Static, row, s.gravity_g * value);
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{Action, Effect, Stage, even, linear, logarithmic};
 use crate::campaign::{DETECTOR_REL_ERROR, Run, VibrationKind};
-use crate::diagnose::problem::{Block, Situation};
+use crate::diagnose::problem::{Block, Change, Situation};
 
 pub(super) const EFFECTS: &[Effect] = &[
     // A loop whose gain falls as 1/f leaves the deflection theta = (i x)/(1 + i x) w_I, x = f/fc, and a pick-off that
@@ -15,8 +15,8 @@ pub(super) const EFFECTS: &[Effect] = &[
             linear("b_per_g", 1e-3),
             logarithmic("fc_hz", 30.0, 6000.0, 16),
         ],
-        action: Action::Adds(|p, _, s, change| {
-            filtered(s, change, [0, 0], |f| {
+        action: Action::Adds(|p, s, changes| {
+            filtered(s, &mut changes[0], [0, 0], |f| {
                 let x2 = (f / p[1]).powi(2);
                 x2 / (1.0 + x2)
             });
@@ -33,8 +33,8 @@ pub(super) const EFFECTS: &[Effect] = &[
             linear("k_per_g", 3e-4),
             logarithmic("fn_hz", 30.0, 6000.0, 16),
         ],
-        action: Action::Adds(|p, _, s, change| {
-            filtered(s, change, [0, 1], |f| 1.0 / (1.0 + (f / p[1]).powi(2)));
+        action: Action::Adds(|p, s, changes| {
+            filtered(s, &mut changes[0], [0, 1], |f| 1.0 / (1.0 + (f / p[1]).powi(2)));
         }),
         report: None,
     },
@@ -55,7 +55,7 @@ pub(super) const EFFECTS: &[Effect] = &[
 /// Adds M[w_j w_k] as weighted by a response over frequency.
 fn filtered(
     s: &Situation<'_>,
-    change: &mut crate::diagnose::problem::Change,
+    change: &mut Change,
     axes: [usize; 2],
     response: impl Fn(f64) -> f64,
 ) {
@@ -99,7 +99,8 @@ fn common_ends(s: &Situation<'_>) -> [Option<f64>; 2] {
     [end(1.0), end(-1.0)]
 }
 
-fn saturate(p: &[f64], _: usize, s: &Situation<'_>, change: &mut crate::diagnose::problem::Change) {
+fn saturate(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
+    let change = &mut changes[0];
     let (low, high) = (p[1] - p[0], p[1] + p[0]);
     // The starts of a search are too far apart for what is known so well.
     let ends = if s.searching {

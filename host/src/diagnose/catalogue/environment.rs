@@ -14,7 +14,8 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Environment,
         says: "the bias follows the temperature",
         parameters: &[linear("g_per_k", 1e-5)],
-        action: Action::Adds(|_, _, s, change| {
+        action: Action::Adds(|_, s, changes| {
+            let change = &mut changes[0];
             for (row, reading) in s.readings.iter().enumerate() {
                 change.add(Block::Static, row, reading.temp_c - s.reference_temp_c);
             }
@@ -32,7 +33,8 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Environment,
         says: "the scale factor follows the temperature",
         parameters: &[linear("per_k", 1e-5)],
-        action: Action::Adds(|_, _, s, change| {
+        action: Action::Adds(|_, s, changes| {
+            let change = &mut changes[0];
             for (row, reading) in s.readings.iter().enumerate() {
                 let excess_k = reading.temp_c - s.reference_temp_c;
                 change.add(Block::Static, row, excess_k * reading.specific_force_g.i);
@@ -57,7 +59,8 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Environment,
         says: "the bias drifts with time",
         parameters: &[linear("g_per_s", 5e-9)],
-        action: Action::Adds(|_, _, s, change| {
+        action: Action::Adds(|_, s, changes| {
+            let change = &mut changes[0];
             for (row, reading) in s.readings.iter().enumerate() {
                 change.add(Block::Static, row, reading.time_s);
             }
@@ -111,7 +114,8 @@ fn power_g2(run: &Run) -> f64 {
     }
 }
 
-fn self_heating(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
+fn self_heating(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
+    let change = &mut changes[0];
     let tau = p[1];
     // Mean of exp(-t/tau) over a plateau of a given length centred at t.
     let decay = |t: f64, length: f64| {
@@ -160,7 +164,8 @@ fn left_at(warmth: f64, after_s: f64, tau_s: f64) -> f64 {
     }
 }
 
-fn bias_memory(p: &[f64], _: usize, s: &Situation<'_>, change: &mut Change) {
+fn bias_memory(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
+    let change = &mut changes[0];
     let (mut level, mut step) = (0.0, 1.0);
     for (row, (run, peak_g)) in s.runs.iter().zip(&s.peaks_g).enumerate() {
         change.add(Block::Before, row, level);

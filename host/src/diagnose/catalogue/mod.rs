@@ -112,9 +112,9 @@ pub type Renamed = (&'static [&'static str], fn(&[f64]) -> Vec<f64>);
 /// How an effect acts.
 #[derive(Clone, Copy, Debug)]
 pub enum Action {
-    /// Adds to the observations: per unit of the linear parameter number `k`, at the others' values; with no linear
-    /// parameter, all that it adds.
-    Adds(fn(&[f64], usize, &Situation<'_>, &mut Change)),
+    /// Adds to the observations: per unit of each parameter in proportion, in their order, at the others' values; with no
+    /// parameter in proportion one change, all that it adds.
+    Adds(fn(&[f64], &Situation<'_>, &mut [Change])),
     /// Changes the instrument's motion in each run; whether the reference sees it.
     Moves(fn(&[f64], &Situation<'_>, &mut [Motion]), Seen),
     /// Scatters a run's `during`: the variance in g^2 when the effect's one parameter, a size, is 1.

@@ -13,8 +13,8 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "the bias changes with the sign of the acceleration",
         parameters: &[linear("K0_prime_g", 2e-4)],
-        action: Action::Adds(|_, _, s, c| {
-            term(s, c, true, |a| {
+        action: Action::Adds(|_, s, c| {
+            term(s, &mut c[0], true, |a| {
                 if a[0].abs() < DEAD_BAND_G {
                     0.0
                 } else {
@@ -29,7 +29,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a second-order term that keeps the sign, a|a|",
         parameters: &[linear("Koq_per_g", 3e-4)],
-        action: Action::Adds(|_, _, s, c| term(s, c, true, |a| a[0] * a[0].abs())),
+        action: Action::Adds(|_, s, c| term(s, &mut c[0], true, |a| a[0] * a[0].abs())),
         report: None,
     },
     Effect {
@@ -37,7 +37,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a nonlinearity of the fifth order",
         parameters: &[linear("k5_per_g4", 1e-5)],
-        action: Action::Adds(|_, _, s, c| term(s, c, false, |a| a[0].powi(5))),
+        action: Action::Adds(|_, s, c| term(s, &mut c[0], false, |a| a[0].powi(5))),
         report: None,
     },
     Effect {
@@ -45,7 +45,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a nonlinearity of the sixth order",
         parameters: &[linear("k6_per_g5", 2e-6)],
-        action: Action::Adds(|_, _, s, c| term(s, c, false, |a| a[0].powi(6))),
+        action: Action::Adds(|_, s, c| term(s, &mut c[0], false, |a| a[0].powi(6))),
         report: None,
     },
     Effect {
@@ -53,7 +53,11 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "the output answers to the square of acceleration across the input axis",
         parameters: &[linear("Kpp_per_g", 2e-4), linear("Koo_per_g", 2e-4)],
-        action: Action::Adds(|_, k, s, c| term(s, c, false, |a| a[1 + k] * a[1 + k])),
+        action: Action::Adds(|_, s, c| {
+            for (axis, change) in c.iter_mut().enumerate() {
+                term(s, change, false, |a| a[1 + axis] * a[1 + axis]);
+            }
+        }),
         report: None,
     },
 ];
