@@ -127,6 +127,15 @@ pub(super) struct Weighing {
     commanded: Normal,
 }
 
+/// How a derivative is formed.
+#[derive(Clone, Copy)]
+enum Difference {
+    /// On one side: good enough for the way to a fit.
+    Forward,
+    /// On both: clipping has kinks, where one side would tell half of it.
+    Central,
+}
+
 /// A solved linear problem.
 struct Solution {
     x: Vec<f64>,
@@ -255,7 +264,6 @@ impl Problem<'_> {
         let curved = curved(&members);
         let mut parts = self.parts(&members);
         let mut solution = self.solve_parts(&members, &parts, &weighing)?;
-        let mut derivatives: Vec<Column> = Vec::new();
         for round in 0..rounds {
             let steps = if curved.is_empty() {
                 0
@@ -265,7 +273,8 @@ impl Problem<'_> {
                 8
             };
             for _ in 0..steps {
-                derivatives = self.derivatives(&members, &solution.x, &curved);
+                let derivatives =
+                    self.derivatives(&members, &solution.x, &curved, Difference::Forward);
                 let Some((direction, objective)) =
                     self.direction(&members, &parts, &derivatives, &curved, &weighing)
                 else {
@@ -309,9 +318,7 @@ impl Problem<'_> {
                 break;
             }
         }
-        if !curved.is_empty() {
-            derivatives = self.derivatives(&members, &solution.x, &curved);
-        }
+        let derivatives = self.derivatives(&members, &solution.x, &curved, Difference::Central);
         self.finish(
             members,
             parts,
@@ -405,43 +412,48 @@ impl Problem<'_> {
     }
 
     /// Columns of the derivatives by the curved parameters on their internal scale.
-    fn derivatives(&self, members: &[Member], x: &[f64], curved: &[(usize, usize)]) -> Vec<Column> {
+    fn derivatives(
+        &self,
+        members: &[Member],
+        x: &[f64],
+        curved: &[(usize, usize)],
+        difference: Difference,
+    ) -> Vec<Column> {
         let moving = members
             .iter()
             .any(|m| matches!(m.effect.action, Action::Moves(..)));
-        let columns: Vec<Vec<f64>> = curved
-            .iter()
-            .map(|&(m, k)| {
-                let role = members[m].effect.parameters[k].role;
-                let (from, to) = range(role).unwrap_or((0.0, 1.0));
-                let t = inner(role, members[m].values[k]);
-                // On both sides: clipping has kinks, where one side would tell half of it.
-                let h = 1e-4 * (to - from);
-                let mut moved = [members.to_vec(), members.to_vec()];
-                moved[0][m].values[k] = outer(role, t - h);
-                moved[1][m].values[k] = outer(role, t + h);
-                let [then, now] = if !moving && matches!(members[m].effect.action, Action::Adds(_))
-                {
-                    let linear = |members: &[Member]| {
-                        members.iter().map(|m| m.effect.linear()).sum::<usize>()
-                    };
-                    let first = NOMINAL + linear(&members[..m]);
-                    let mut weights = vec![0.0; NOMINAL];
-                    weights.extend_from_slice(&x[first..first + linear(&members[m..=m])]);
-                    moved.map(|moved| self.predicted(&self.parts(&moved[m..=m]), &weights))
+        let column = |&(m, k): &(usize, usize)| {
+            let role = members[m].effect.parameters[k].role;
+            let (from, to) = range(role).unwrap_or((0.0, 1.0));
+            let t = inner(role, members[m].values[k]);
+            // Without a change of motion nothing but the effect itself changes.
+            let alone = !moving && matches!(members[m].effect.action, Action::Adds(_));
+            let linear =
+                |members: &[Member]| members.iter().map(|m| m.effect.linear()).sum::<usize>();
+            let first = NOMINAL + linear(&members[..m]);
+            let its_own = [&[0.0; NOMINAL], &x[first..first + linear(&members[m..=m])]].concat();
+            let at = |t: f64| {
+                let mut moved = members.to_vec();
+                moved[m].values[k] = outer(role, t);
+                if alone {
+                    self.predicted(&self.parts(&moved[m..=m]), &its_own)
                 } else {
-                    moved.map(|moved| self.predicted(&self.parts(&moved), x))
-                };
-                now.iter()
-                    .zip(&then)
-                    .map(|(now, then)| (now - then) / (2.0 * h))
-                    .collect()
-            })
-            .collect();
-        columns
-            .into_iter()
-            .map(|values| self.column(values))
-            .collect()
+                    self.predicted(&self.parts(&moved), x)
+                }
+            };
+            let h = 1e-4 * (to - from);
+            let (then, now) = match difference {
+                Difference::Forward => (at(t), at(t + h)),
+                Difference::Central => (at(t - h), at(t + h)),
+            };
+            let step = match difference {
+                Difference::Forward => h,
+                Difference::Central => 2.0 * h,
+            };
+            let change = now.iter().zip(&then);
+            self.column(change.map(|(now, then)| (now - then) / step).collect())
+        };
+        curved.iter().map(column).collect()
     }
 
     /// The whitened prediction of effects at given parameters and (linear) coefficients, and the variance (g^2) that they
@@ -477,7 +489,7 @@ impl Problem<'_> {
         for member in members {
             x.extend_from_slice(&member.values[..member.effect.linear()]);
         }
-        let derivatives = self.derivatives(members, &x, &curved);
+        let derivatives = self.derivatives(members, &x, &curved, Difference::Central);
         let prediction = self.fitted(&parts, &x);
         let added = parts.added_variance(&x);
         (self.unknowns(&parts, derivatives), prediction, added)
