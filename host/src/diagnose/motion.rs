@@ -11,10 +11,13 @@ use super::dense::inner_product;
 use crate::campaign::{Run, VibrationKind};
 use crate::finite_record::{ORDERS, correlation_integrals};
 
-/// Nodes on each smooth piece of half a period, and of the normal density between -REACH and REACH standard deviations.
-const SINE_NODES: usize = 20;
-const NORMAL_NODES: usize = 60;
+/// Nodes on each smooth piece of half a period, and of the normal density between -REACH and REACH standard deviations;
+/// those of rough means.
+const SINE_NODES: [usize; 2] = [20, 10];
+const NORMAL_NODES: [usize; 2] = [60, 30];
 const REACH: f64 = 7.0;
+/// Highest moment that the reference reports.
+const SEEN: usize = 4;
 
 /// Motion of the instrument in one run, along one line in the three axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -178,6 +181,8 @@ pub struct Averages {
     normal: Vec<[f64; 2]>,
     /// Of each random band the integrals of its autocorrelation's powers.
     integrals: Vec<([f64; 2], [f64; ORDERS + 1])>,
+    /// Whether means are rough ones, without their variance: grids are gone over for a start.
+    pub rough: bool,
 }
 
 /// The time mean of a function of the specific force over one run.
@@ -207,9 +212,20 @@ impl Averages {
             }
         }
         Self {
-            sine: gauss_legendre(SINE_NODES),
-            normal: gauss_legendre(NORMAL_NODES),
+            sine: gauss_legendre(SINE_NODES[0]),
+            normal: gauss_legendre(NORMAL_NODES[0]),
             integrals,
+            rough: false,
+        }
+    }
+
+    /// Tables for rough means.
+    pub fn rough() -> Self {
+        Self {
+            sine: gauss_legendre(SINE_NODES[1]),
+            normal: gauss_legendre(NORMAL_NODES[1]),
+            integrals: Vec::new(),
+            rough: true,
         }
     }
 
@@ -240,7 +256,7 @@ impl Averages {
             };
         }
         // Nodes, and there the weighted function and the orthonormal Hermite polynomials of two orders.
-        let most = NORMAL_NODES * (kinks.len() + 1);
+        let most = self.normal.len() * (kinks.len() + 1);
         let [mut nodes, mut weighted] = [(); 2].map(|()| Vec::with_capacity(most));
         let mut square = 0.0;
         pieces(REACH, kinks.iter().copied(), &self.normal, |x, width| {
@@ -256,9 +272,10 @@ impl Averages {
         let mut last = nodes.clone();
         // The function's coefficients.
         let mut c = [0.0; ORDERS + 1];
+        let orders = if self.rough { SEEN } else { ORDERS };
         c[0] = weighted.iter().sum();
         c[1] = inner_product(&weighted, &last);
-        for (c, [of_last, of_before]) in c.iter_mut().zip(&*RECURRENCE).skip(2) {
+        for (c, [of_last, of_before]) in c.iter_mut().zip(&*RECURRENCE).take(orders + 1).skip(2) {
             for ((before, last), x) in before.iter_mut().zip(&last).zip(&nodes) {
                 *before = of_last * x * last - of_before * *before;
             }
@@ -268,7 +285,7 @@ impl Averages {
         // M[He_3] is the skewness, M[He_4] the kurtosis less 3 (the mean square is exact).
         let [skew, kurt] = motion.shape;
         let value = c[0] + c[3] * skew / 6f64.sqrt() + c[4] * (kurt - 3.0) / 24f64.sqrt();
-        let seen = if run.reference.is_some() { 4 } else { 2 };
+        let seen = if run.reference.is_some() { SEEN } else { 2 };
         let integrals = self.integrals.iter().find(|(band, _)| *band == run.band_hz);
         let mut variance = 0.0;
         if let Some((_, integrals)) = integrals {
@@ -372,22 +389,34 @@ impl Bands {
     /// frequency, with no variance; for a flat band the mean, and the variance of the mean over records of that length
     /// whose total power is known: var_f(response) / (bandwidth x time).
     pub fn means(&self, response: impl Fn(f64) -> f64) -> Vec<TimeMean> {
+        let means = self.several(|f| [response(f)]);
+        means.into_iter().map(|[mean]| mean).collect()
+    }
+
+    /// The same of several responses at once.
+    pub fn several<const N: usize>(
+        &self,
+        responses: impl Fn(f64) -> [f64; N],
+    ) -> Vec<[TimeMean; N]> {
         let of_band = |points: &Vec<[f64; 2]>| {
-            let (mut mean, mut square) = (0.0, 0.0);
+            let mut means = [TimeMean::default(); N];
             for &[f, weight] in points {
-                let value = response(f);
-                mean += weight * value;
-                square += weight * value * value;
+                for (mean, value) in means.iter_mut().zip(responses(f)) {
+                    mean.value += weight * value;
+                    mean.variance += weight * value * value;
+                }
             }
-            TimeMean {
-                value: mean,
-                variance: (square - mean * mean).max(0.0),
-            }
+            means.map(|mean| TimeMean {
+                variance: (mean.variance - mean.value * mean.value).max(0.0),
+                ..mean
+            })
         };
-        let of_band: Vec<TimeMean> = self.points.iter().map(of_band).collect();
-        let of_run = |&(band, per_record): &(usize, f64)| TimeMean {
-            variance: of_band[band].variance * per_record,
-            ..of_band[band]
+        let of_band: Vec<_> = self.points.iter().map(of_band).collect();
+        let of_run = |&(band, per_record): &(usize, f64)| {
+            of_band[band].map(|mean| TimeMean {
+                variance: mean.variance * per_record,
+                ..mean
+            })
         };
         self.of_run.iter().map(of_run).collect()
     }

@@ -160,8 +160,6 @@ pub struct Situation<'c> {
     pub reference_temp_c: f64,
     /// The logger's rate, Hz.
     pub logger_rate_hz: f64,
-    /// Whether grids are gone over for a start: a costly time mean may then be a rough one.
-    pub searching: bool,
 }
 
 impl Situation<'_> {
@@ -245,7 +243,6 @@ impl<'c> Problem<'c> {
             gravity_g: bench.local_gravity_g,
             reference_temp_c: bench.reference_temp_c,
             logger_rate_hz: campaign.config.acquisition.sample_rate_hz,
-            searching: false,
         };
         situation.suppose(situation.coefficients);
         let (s, r) = (situation.readings.len(), situation.runs.len());

@@ -1,6 +1,7 @@
 //! Which effects: singles, pairs and steps beyond, by marginal likelihood.
 
 use std::collections::HashMap;
+use std::rc::Rc;
 
 use shared::model::NOMINAL;
 
@@ -8,6 +9,7 @@ use super::adequacy::{Adequacy, Remainder};
 use super::catalogue::{Action, Effect, Role};
 use super::dense::Cholesky;
 use super::fit::{Fit, Member, grid, nominal};
+use super::motion::Averages;
 use super::problem::{Block, Column, Problem};
 
 /// Prior probability that nothing acts; the rest is shared among the effects.
@@ -90,12 +92,12 @@ impl Problem<'_> {
         let at_rest = self.coefficients_at_rest()?;
         self.suppose(at_rest);
         let null = self.fit_nominal()?;
-        self.situation.searching = true;
+        let exact = std::mem::replace(&mut self.situation.averages, Rc::new(Averages::rough()));
         let starts: Vec<Start> = catalogue
             .iter()
             .flat_map(|effect| self.starts(effect))
             .collect();
-        self.situation.searching = false;
+        self.situation.averages = exact;
         let mut fits = self.add_to(&null, &starts, CLOSER_LOOK);
         fits.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         let families = self.families();

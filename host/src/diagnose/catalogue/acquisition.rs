@@ -103,7 +103,7 @@ fn shaken(
 ) -> [f64; 2] {
     let a0 = run.specific_force_g;
     let x = rate * amplitude_g[0].abs();
-    if run.kind == VibrationKind::Random || s.searching {
+    if run.kind == VibrationKind::Random || s.averages.rough {
         // As if the output were the specific force but for a constant.
         let damping = match run.kind {
             VibrationKind::Sine => libm::j0(x),

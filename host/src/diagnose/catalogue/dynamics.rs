@@ -103,7 +103,7 @@ fn saturate(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
     let change = &mut changes[0];
     let (low, high) = (p[1] - p[0], p[1] + p[0]);
     // The starts of a search are too far apart for what is known so well.
-    let ends = if s.searching {
+    let ends = if s.averages.rough {
         [None; 2]
     } else {
         common_ends(s)

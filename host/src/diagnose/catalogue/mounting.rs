@@ -26,15 +26,16 @@ fn resonate(p: &[f64], s: &Situation<'_>, motions: &mut [Motion]) {
         let damping = (r / p[1]).powi(2);
         (1.0 + damping) / ((1.0 - r * r).powi(2) + damping)
     };
-    let powers = s.bands.means(power);
-    let amplitudes = s.bands.means(|f| power(f).sqrt());
-    for (row, (run, motion)) in s.runs.iter().zip(motions).enumerate() {
-        let mean = powers[row];
+    let means = s.bands.several(|f| {
+        let power = power(f);
+        [power, power.sqrt()]
+    });
+    for ((run, motion), [mean, amplitude]) in s.runs.iter().zip(motions).zip(means) {
         motion.scale(mean.value.sqrt());
         if run.kind == VibrationKind::Random {
             motion.power_variance += mean.variance / mean.value.powi(2);
             // What is left of the record's own shape: its correlation with the filtered record, to the moment's order.
-            let correlation = (amplitudes[row].value.powi(2) / mean.value).min(1.0).sqrt();
+            let correlation = (amplitude.value.powi(2) / mean.value).min(1.0).sqrt();
             motion.shape[0] *= correlation.powi(3);
             motion.shape[1] = 3.0 + (motion.shape[1] - 3.0) * correlation.powi(4);
         }
