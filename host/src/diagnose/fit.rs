@@ -15,6 +15,8 @@ use crate::campaign::DETECTOR_REL_ERROR;
 
 /// Change of chi-square, and of the logarithm of a run's weight, at which a fit has settled.
 const SETTLED: f64 = 1e-2;
+/// Least part of a step, that did not help, that is tried next.
+const SHORTEST: f64 = 0.1;
 /// Settings of the first curved parameter that go along with one that goes by steps.
 pub(super) const ALONG: usize = 20;
 
@@ -280,18 +282,24 @@ impl Problem<'_> {
                 else {
                     break;
                 };
-                if solution.objective - objective < SETTLED {
-                    break;
+                let promised = solution.objective - objective;
+                let mut fraction = 1.0;
+                let mut better = None;
+                // The objective begins to fall along the step by twice what the whole of it promises.
+                while better.is_none() && fraction * promised > SETTLED {
+                    let candidate = moved(&members, &curved, &direction, fraction);
+                    let parts = self.parts(&candidate);
+                    let tried = self.solve_parts(&candidate, &parts, &weighing);
+                    let objective = tried.as_ref().map_or(f64::INFINITY, |t| t.objective);
+                    let lost = objective - solution.objective;
+                    if let (Some(tried), true) = (tried, lost < 0.0) {
+                        better = Some((candidate, parts, tried));
+                    } else {
+                        // Where the parabola through what is known has its least value.
+                        let least = promised * fraction / (lost + 2.0 * promised * fraction);
+                        fraction *= least.max(SHORTEST);
+                    }
                 }
-                let better = [1.0, 0.3, 0.1, 0.03, 0.01]
-                    .into_iter()
-                    .find_map(|fraction| {
-                        let candidate = moved(&members, &curved, &direction, fraction);
-                        let parts = self.parts(&candidate);
-                        let better = self.solve_parts(&candidate, &parts, &weighing)?;
-                        (better.objective < solution.objective)
-                            .then_some((candidate, parts, better))
-                    });
                 let Some(better) = better else { break };
                 let gained = solution.objective - better.2.objective;
                 (members, parts, solution) = better;

@@ -39,6 +39,8 @@ const FURTHER: usize = 4;
 const HOPELESS: f64 = 0.05;
 /// A small value of a parameter that begins at nothing.
 const SMALL: f64 = 2e-3;
+/// Difference of -2 log likelihood below which two fits are the same.
+const ALIKE: f64 = 0.1;
 /// Modes that an effect of several curved parameters is fitted from.
 const MODES: usize = 3;
 
@@ -133,8 +135,8 @@ impl Problem<'_> {
                 .collect();
             bases.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
             bases.truncate(if effects == 2 { BASES } else { 1 });
-            let mut found: Vec<Fit> = Vec::new();
-            for base in bases {
+            let (mut found, mut again): (Vec<Fit>, Vec<Fit>) = Default::default();
+            for base in &bases {
                 offer(&mut found, self.add_to(base, &starts, FURTHER));
             }
             if let Some(best) = best_of(&found).cloned() {
@@ -146,10 +148,16 @@ impl Problem<'_> {
                     let Some(alone) = self.refit(vec![member.clone()], &best.trust) else {
                         continue;
                     };
-                    offer(&mut found, self.add_to(&alone, &starts, FURTHER));
-                    offer(&mut fits, vec![alone]);
+                    let known = |base: &&Fit| {
+                        same(base, &alone) && base.objective < alone.objective + ALIKE
+                    };
+                    if !bases.iter().any(known) {
+                        offer(&mut found, self.add_to(&alone, &starts, FURTHER));
+                    }
+                    again.push(alone);
                 }
             }
+            offer(&mut fits, again);
             if effects > 2 {
                 found.retain(|fit| self.likeness(&null, fit) < STAND_IN);
             }
