@@ -571,10 +571,7 @@ impl Problem<'_> {
         Some(Fit {
             log_evidence: 0.5 * (volume - objective) + log_prior,
             covariance: factor.inverse(),
-            motions: parts
-                .motions()
-                .unwrap_or(&self.situation.motions)
-                .to_vec(),
+            motions: parts.motions().unwrap_or(&self.situation.motions).to_vec(),
             members,
             theta,
             objective,
@@ -589,11 +586,7 @@ impl Problem<'_> {
     fn unknowns(&self, parts: &Parts, derivatives: Vec<Column>) -> Vec<Column> {
         let nominal = parts.nominal().unwrap_or(&self.nominal).iter();
         let linear = parts.linear().map(|(column, _)| column);
-        nominal
-            .chain(linear)
-            .cloned()
-            .chain(derivatives)
-            .collect()
+        nominal.chain(linear).cloned().chain(derivatives).collect()
     }
 
     /// The whole prediction, whitened.

@@ -57,11 +57,7 @@ impl Made {
         self.columns.borrow_mut().clear();
     }
 
-    fn get<T>(
-        kept: &RefCell<VecDeque<(Key, Rc<T>)>>,
-        key: Key,
-        make: impl FnOnce() -> T,
-    ) -> Rc<T> {
+    fn get<T>(kept: &RefCell<VecDeque<(Key, Rc<T>)>>, key: Key, make: impl FnOnce() -> T) -> Rc<T> {
         let mut kept = kept.borrow_mut();
         let known = kept.iter().position(|known| known.0 == key);
         let latest = known.and_then(|place| kept.remove(place));
@@ -137,7 +133,10 @@ impl Problem<'_> {
                         let felt = moved.as_ref().unwrap_or(s);
                         let mut changes = vec![self.no_change(); effect.linear().max(1)];
                         add(values, felt, &mut changes);
-                        changes.into_iter().map(|change| self.whiten(change)).collect()
+                        changes
+                            .into_iter()
+                            .map(|change| self.whiten(change))
+                            .collect()
                     };
                     let curved = values[effect.linear()..].to_vec();
                     let key = [&[(effect.id, curved)], &by[..]].concat();

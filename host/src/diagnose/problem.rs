@@ -11,8 +11,8 @@ use shared::model::{Coefficients, NOMINAL, SpecificForce, terms};
 use shared::tumble::within_a_turn;
 
 use super::dense::inner_product;
-use super::parts::Made;
 use super::motion::{Averages, Bands, Motion, main_axis};
+use super::parts::Made;
 use crate::campaign::{Campaign, Reading, Run, VibrationKind};
 use crate::finite_record::unseen_variance_g2;
 use crate::identification::position;

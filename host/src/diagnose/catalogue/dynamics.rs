@@ -34,7 +34,9 @@ pub(super) const EFFECTS: &[Effect] = &[
             logarithmic("fn_hz", 30.0, 6000.0, 16),
         ],
         action: Action::Adds(|p, s, changes| {
-            filtered(s, &mut changes[0], [0, 1], |f| 1.0 / (1.0 + (f / p[1]).powi(2)));
+            filtered(s, &mut changes[0], [0, 1], |f| {
+                1.0 / (1.0 + (f / p[1]).powi(2))
+            });
         }),
         report: None,
     },

@@ -65,12 +65,7 @@ pub(super) const EFFECTS: &[Effect] = &[
 /// Adds a function of the specific force: at each dial position, at rest before and after a run, its time mean during
 /// the run, and its value at the extremes of a sine.
 /// `kinked` if it, or its slope, jumps where IA feels nothing.
-fn term(
-    s: &Situation<'_>,
-    change: &mut Change,
-    kinked: bool,
-    function: impl Fn([f64; 3]) -> f64,
-) {
+fn term(s: &Situation<'_>, change: &mut Change, kinked: bool, function: impl Fn([f64; 3]) -> f64) {
     for (row, reading) in s.readings.iter().enumerate() {
         let a = reading.specific_force_g;
         change.add(Block::Static, row, function([a.i, a.p, a.o]));
