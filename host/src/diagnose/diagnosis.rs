@@ -8,7 +8,7 @@ use shared::model::NOMINAL;
 
 use super::catalogue::{self, Effect, Role, Stage};
 use super::compensation::Compensation;
-use super::fit::{ALONG, Fit, Member, range, settings};
+use super::fit::{ALONG, Fit, Member, curved, range, settings};
 use super::locate::{Condition, ObservableShare};
 use super::next_test::NextTest;
 use super::problem::{Block, Problem};
@@ -26,7 +26,11 @@ const LISTED: f64 = 1e-3;
 const MOST_LISTED: usize = 8;
 const LISTED_IF_UNEXPLAINED: usize = 3;
 /// Standard deviation, as a part of its range, from which on a parameter is followed over all of that.
-const WIDE: f64 = 0.1;
+const WIDE: f64 = 0.03;
+/// Parts of that range.
+const FOLLOWED: usize = 16;
+/// Rise of -2 log likelihood at which a value is out of the question.
+const BEYOND: f64 = 25.0;
 
 /// In a word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -548,8 +552,8 @@ impl Problem<'_> {
         4_usize.saturating_sub(distinct.len())
     }
 
-    /// Mean and standard deviation of a parameter over its range, by the likelihood at parts of it. One that goes by steps
-    /// is made up for by the effect's first curved parameter, which takes its best value at each.
+    /// Mean and standard deviation of a parameter over its range, by the likelihood at parts of it, the other curved
+    /// parameters fitted to each. One that goes by steps is made up for by the effect's first curved parameter alone.
     fn over_its_range(&self, fit: &Fit, m: usize, k: usize) -> (f64, f64) {
         let member = &fit.members[m];
         let role = member.effect.parameters[k].role;
@@ -557,17 +561,35 @@ impl Problem<'_> {
         let parts: Vec<Part> = match role {
             Role::Linear { .. } => return (member.values[k], 0.0),
             Role::Curved { .. } => {
-                let part = |value: f64| {
+                let mut others = curved(&fit.members);
+                others.retain(|other| *other != (m, k));
+                let (mut below, above): (Vec<f64>, Vec<f64>) = settings(role, FOLLOWED)
+                    .into_iter()
+                    .partition(|value| *value < member.values[k]);
+                below.reverse();
+                let mut parts = Vec::new();
+                // From the fit to both ends, as far as it may be.
+                for values in [below, above] {
                     let mut members = fit.members.clone();
-                    members[m].values[k] = value;
-                    Part {
-                        value,
-                        width: 0.0,
-                        weight: 1.0,
-                        score: self.profile(&members, &weighing),
+                    for value in values {
+                        members[m].values[k] = value;
+                        let Some(best) = self.fit_some(members, others.clone(), &fit.trust, 1)
+                        else {
+                            break;
+                        };
+                        parts.push(Part {
+                            value,
+                            width: 0.0,
+                            weight: 1.0,
+                            score: best.objective,
+                        });
+                        if best.objective > fit.objective + BEYOND {
+                            break;
+                        }
+                        members = best.members;
                     }
-                };
-                settings(role, 24).into_iter().map(part).collect()
+                }
+                parts
             }
             Role::Stepped { from, to, .. } => {
                 let first = member.effect.linear();

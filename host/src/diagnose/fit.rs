@@ -260,10 +260,21 @@ impl Problem<'_> {
     }
 
     /// Fits members from their values; `trust` is a first guess of the trust in each run.
-    pub fn fit(&self, mut members: Vec<Member>, trust: &[f64], rounds: usize) -> Option<Fit> {
+    pub fn fit(&self, members: Vec<Member>, trust: &[f64], rounds: usize) -> Option<Fit> {
+        let curved = curved(&members);
+        self.fit_some(members, curved, trust, rounds)
+    }
+
+    /// The same with these of the curved parameters, by member and number; the others stay as they are.
+    pub(super) fn fit_some(
+        &self,
+        mut members: Vec<Member>,
+        curved: Vec<(usize, usize)>,
+        trust: &[f64],
+        rounds: usize,
+    ) -> Option<Fit> {
         let mut weighing = self.weighing(trust.to_vec());
         let mut log_variance = 0.0;
-        let curved = curved(&members);
         let mut parts = self.parts(&members);
         let mut solution = self.solve_parts(&members, &parts, &weighing)?;
         for round in 0..rounds {
@@ -618,7 +629,7 @@ impl Problem<'_> {
 }
 
 /// Member and number of each parameter that is refined by Gauss-Newton steps.
-fn curved(members: &[Member]) -> Vec<(usize, usize)> {
+pub(super) fn curved(members: &[Member]) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for (m, member) in members.iter().enumerate() {
         if matches!(member.effect.action, Action::Scatters(_)) {

@@ -78,8 +78,10 @@ fn filtered(
     }
 }
 
-/// The greatest and the least output of all runs, g, each if three random records or more end there: that two do
-/// may be chance.
+/// Relative difference of two records' ends below which it is hardly chance.
+const ALIKE: f64 = 0.5 * DETECTOR_REL_ERROR;
+
+/// The greatest and the least output of all runs, g, each if two random records or more end there.
 fn common_ends(s: &Situation<'_>) -> [Option<f64>; 2] {
     let end = |sign: f64| {
         let outward = |run: &&Run| {
@@ -94,9 +96,9 @@ fn common_ends(s: &Situation<'_>) -> [Option<f64>; 2] {
         let ends: Vec<(VibrationKind, f64)> = s.runs.iter().filter_map(outward).collect();
         let end = ends.iter().map(|e| e.1).fold(f64::NEG_INFINITY, f64::max);
         let there = |&&(kind, outward): &&(VibrationKind, f64)| {
-            kind == VibrationKind::Random && outward > end - DETECTOR_REL_ERROR * end.abs()
+            kind == VibrationKind::Random && outward > end - ALIKE * end.abs()
         };
-        (ends.iter().filter(there).count() > 2).then_some(sign * end)
+        (ends.iter().filter(there).count() > 1).then_some(sign * end)
     };
     [end(1.0), end(-1.0)]
 }
