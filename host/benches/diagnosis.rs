@@ -13,7 +13,7 @@ fn main() {
 }
 
 /// What acts, and what the catalogue lacks.
-const CASES: [(&str, &[&str], &[&str]); 6] = [
+const CASES: [(&str, &[&str], &[&str]); 7] = [
     ("nothing", &[], &[]),
     ("one effect", &["self-heating"], &[]),
     ("one that moves", &["fixture-resonance"], &[]),
@@ -21,6 +21,11 @@ const CASES: [(&str, &[&str], &[&str]); 6] = [
     (
         "two, one of them periodic",
         &["adc-inl", "reference-scale"],
+        &[],
+    ),
+    (
+        "two, one of them moving",
+        &["fixture-resonance", "bias-asymmetry"],
         &[],
     ),
     ("unexplained", &["vibropendulous"], &["vibropendulous"]),

@@ -6,7 +6,9 @@ use crate::error::Error;
 
 /// Diagnose many simulated campaigns whose effect is withheld, and print how often it is found
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  vre blind-check --campaigns 250 --seed 1 --json scoreboard.json")]
+#[command(
+    after_help = "Example:\n  vre blind-check --campaigns 250 --seed 1 --json scoreboard.json"
+)]
 pub struct BlindCheck {
     /// How many campaigns; a whole round of effects and strengths is some 130
     #[arg(long, default_value_t = 260)]

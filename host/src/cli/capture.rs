@@ -44,7 +44,12 @@ pub struct Capture {
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = positive, requires = "port")]
     settle: f64,
     /// With --port: temperature of the instrument, deg C; that of the bench's reference if not given
-    #[arg(long, value_name = "C", requires = "port", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "C",
+        requires = "port",
+        allow_negative_numbers = true
+    )]
     temp_c: Option<f64>,
     /// Fixes everything that is random
     #[arg(long, default_value_t = 1)]
@@ -175,11 +180,8 @@ fn emulated(
 }
 
 #[cfg(not(feature = "emulated"))]
-fn emulated(
-    _: &VirtualBench,
-    _: &std::path::Path,
-    _: impl FnMut(),
-) -> Result<Captured, Error> {
-    let line = "--emulated: this vre was built without the emulator; build it with --features emulated";
+fn emulated(_: &VirtualBench, _: &std::path::Path, _: impl FnMut()) -> Result<Captured, Error> {
+    let line =
+        "--emulated: this vre was built without the emulator; build it with --features emulated";
     Err(Error::Usage(line.into()))
 }

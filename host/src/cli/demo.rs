@@ -39,8 +39,7 @@ pub struct Demo {
 impl Command for Demo {
     fn run(self, console: &Console) -> Result<(), Error> {
         let specification = Specification::with_dial_sigma(self.dial_sigma);
-        let mut bench =
-            VirtualBench::new(Seed(self.seed), self.plan, specification, Vec::new());
+        let mut bench = VirtualBench::new(Seed(self.seed), self.plan, specification, Vec::new());
         bench.plan.runs.retain(|run| run.f_hi_hz <= HIGHEST_HZ);
         let bar = console.progress(capture::steps(&bench), "measuring");
         let campaign_folder = self.out.join("campaign");
@@ -56,7 +55,11 @@ impl Command for Demo {
 }
 
 fn truth_by_name(truth: &[f64; NOMINAL]) -> serde_json::Map<String, serde_json::Value> {
-    NAMES.iter().zip(truth).map(|(name, value)| ((*name).into(), (*value).into())).collect()
+    NAMES
+        .iter()
+        .zip(truth)
+        .map(|(name, value)| ((*name).into(), (*value).into()))
+        .collect()
 }
 
 impl Demo {
@@ -74,14 +77,16 @@ impl Demo {
             "{:<12} {:>20} {:>16} {:>8}",
             "coefficient", "identified", "true", "z"
         );
-        for ((name, found), truth) in
-            NAMES.iter().zip(&report.identification.coefficients).zip(truth)
+        for ((name, found), truth) in NAMES
+            .iter()
+            .zip(&report.identification.coefficients)
+            .zip(truth)
         {
             // Everything but K1 in 1e-6 of its unit.
             let factor = if *name == NAMES[0] { 1.0 } else { 1e6 };
-            let z = found
-                .known()
-                .map_or("-".into(), |(value, sigma)| format!("{:.1}", (value - truth) / sigma));
+            let z = found.known().map_or("-".into(), |(value, sigma)| {
+                format!("{:.1}", (value - truth) / sigma)
+            });
             let _ = writeln!(
                 text,
                 "{name:<12} {:>20} {:>16.6} {z:>8}",
@@ -89,7 +94,10 @@ impl Demo {
                 truth * factor,
             );
         }
-        let _ = writeln!(text, "(1e-6 of the unit, K1 in V/g; z: the miss in standard uncertainties)\n");
+        let _ = writeln!(
+            text,
+            "(1e-6 of the unit, K1 in V/g; z: the miss in standard uncertainties)\n"
+        );
         let _ = writeln!(text, "{}", report::text::summary(report));
         let _ = write!(text, "{}", self.out.join("report.html").display());
         text

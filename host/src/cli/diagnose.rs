@@ -11,7 +11,9 @@ use crate::report::diagnosis_page;
 
 /// Find where the gap between prediction and shaker lies, which effect causes it and how far it shrinks
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  vre diagnose campaigns/S01000 --json diagnosis.json\n  vre predict campaigns/S01000 --runs new-runs.csv --diagnosis diagnosis.json")]
+#[command(
+    after_help = "Example:\n  vre diagnose campaigns/S01000 --json diagnosis.json\n  vre predict campaigns/S01000 --runs new-runs.csv --diagnosis diagnosis.json"
+)]
 pub struct Diagnose {
     /// Folder of the campaign
     campaign: PathBuf,

@@ -8,9 +8,7 @@ use shared::model::NOMINAL;
 use super::{Command, Console};
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{
-    Identification, MEANINGS, Method, NAMES, identify, scatter_warning,
-};
+use crate::identification::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]
@@ -41,19 +39,38 @@ fn text(found: &Identification) -> String {
     for ((name, meaning), quantity) in NAMES.iter().zip(MEANINGS).zip(&found.coefficients) {
         let _ = match *name {
             "K1_v_per_g" => writeln!(text, "{name:<12} {quantity:>16}        {meaning}"),
-            _ => writeln!(text, "{name:<12} {:>16} e-6    {meaning}", quantity.scaled(1e6)),
+            _ => writeln!(
+                text,
+                "{name:<12} {:>16} e-6    {meaning}",
+                quantity.scaled(1e6)
+            ),
         };
     }
-    let _ = writeln!(text, "\nStandard uncertainties in units of the last digits.");
-    let _ = writeln!(text, "rank {} of {NOMINAL}, {}", found.rank, condition(found.condition));
+    let _ = writeln!(
+        text,
+        "\nStandard uncertainties in units of the last digits."
+    );
+    let _ = writeln!(
+        text,
+        "rank {} of {NOMINAL}, {}",
+        found.rank,
+        condition(found.condition)
+    );
     if let Some(chi2) = found.chi2 {
-        let _ = writeln!(text, "chi-square {chi2:.1} at {} degrees of freedom", found.dof);
+        let _ = writeln!(
+            text,
+            "chi-square {chi2:.1} at {} degrees of freedom",
+            found.dof
+        );
         if let Some(warning) = scatter_warning(found.chi2_p_value) {
             let _ = writeln!(text, "{warning}");
         }
     }
     for direction in &found.blind_directions {
-        let parts: Vec<_> = direction.iter().map(|(name, c)| format!("{c:+.4} {name}")).collect();
+        let parts: Vec<_> = direction
+            .iter()
+            .map(|(name, c)| format!("{c:+.4} {name}"))
+            .collect();
         let _ = writeln!(
             text,
             "BLIND: no reading of this plan sees the direction {}. Predicted vibration errors along it rest on \

@@ -66,7 +66,9 @@ pub struct Measure {
 fn scale(text: &str) -> Result<f64, String> {
     let scale = super::positive(text)?;
     let sound = (1e-12..=1e12).contains(&scale);
-    sound.then_some(scale).ok_or_else(|| "is outside of 1e-12 to 1e12".into())
+    sound
+        .then_some(scale)
+        .ok_or_else(|| "is outside of 1e-12 to 1e12".into())
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -97,8 +99,13 @@ impl Command for Measure {
             )?),
             _ => None,
         };
-        if self.temperature_sensitivity.is_some_and(|sensitivity| !sensitivity.is_finite()) {
-            return Err(Error::Usage("--temperature-sensitivity is not finite".into()));
+        if self
+            .temperature_sensitivity
+            .is_some_and(|sensitivity| !sensitivity.is_finite())
+        {
+            return Err(Error::Usage(
+                "--temperature-sensitivity is not finite".into(),
+            ));
         }
         let request = Request {
             columns: Columns {
@@ -123,14 +130,32 @@ impl Command for Measure {
 fn text(found: &Measurement) -> String {
     let mut text = format!("{}\n", found.input);
     if found.record.is_some() {
-        let _ = writeln!(text, "scale {} V/g at the converter's input", found.units_per_g);
+        let _ = writeln!(
+            text,
+            "scale {} V/g at the converter's input",
+            found.units_per_g
+        );
     }
     text.push('\n');
     for segment in &found.segments {
-        let means: Vec<_> = segment.mean_g.iter().map(|mean| format!("{:>14}", shown(*mean))).collect();
-        let rms: Vec<_> = segment.rms_g.iter().map(|rms| format!("{rms:.4}")).collect();
-        let blocks = segment.blocks.map(|n| format!(" in {n} blocks")).unwrap_or_default();
-        let temperature = segment.temperature_c.map(|t| format!("  {t:.2} C")).unwrap_or_default();
+        let means: Vec<_> = segment
+            .mean_g
+            .iter()
+            .map(|mean| format!("{:>14}", shown(*mean)))
+            .collect();
+        let rms: Vec<_> = segment
+            .rms_g
+            .iter()
+            .map(|rms| format!("{rms:.4}"))
+            .collect();
+        let blocks = segment
+            .blocks
+            .map(|n| format!(" in {n} blocks"))
+            .unwrap_or_default();
+        let temperature = segment
+            .temperature_c
+            .map(|t| format!("  {t:.2} C"))
+            .unwrap_or_default();
         let _ = writeln!(
             text,
             "{:<6} {:<28} {:>9} samples{blocks}  mean {} g  rms {} g{temperature}",
@@ -184,7 +209,9 @@ fn write_axis(text: &mut String, axis: &Axis) {
         many if many > 1000.0 => "over 1000".into(),
         few => format!("{few:.1}"),
     };
-    let probability = axis.p_value.map_or("p unknown".into(), |p| format!("p = {p:.2e}"));
+    let probability = axis
+        .p_value
+        .map_or("p unknown".into(), |p| format!("p = {p:.2e}"));
     let _ = writeln!(
         text,
         "\n{}: shift {} mg, 95 % interval {low:.decimals$} to {high:.decimals$} mg ({freedom} degrees of freedom), {probability}\n  \
@@ -196,13 +223,21 @@ fn write_axis(text: &mut String, axis: &Axis) {
         axis.rms_during_g,
     );
     for rival in &axis.rivals {
-        let weight = if rival.decisive { "RIVAL" } else { "rival, too small" };
+        let weight = if rival.decisive {
+            "RIVAL"
+        } else {
+            "rival, too small"
+        };
         let _ = writeln!(text, "  {weight}: {}", rival.finding);
     }
     let verdict = match axis.verdict {
         Verdict::NoShift => "no shift beyond the uncertainty",
-        Verdict::Attributable => "a shift that the vibration explains and nothing else that was looked at",
-        Verdict::NotAttributable => "a shift, but NOT ATTRIBUTABLE to the vibration: see the rivals and notes",
+        Verdict::Attributable => {
+            "a shift that the vibration explains and nothing else that was looked at"
+        }
+        Verdict::NotAttributable => {
+            "a shift, but NOT ATTRIBUTABLE to the vibration: see the rivals and notes"
+        }
     };
     let _ = writeln!(text, "  verdict: {verdict}");
 }

@@ -24,7 +24,10 @@ struct Tables {
 
 impl Command for Paper {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let diagnoses = TABLES.iter().map(diagnose_published).collect::<Result<_, _>>()?;
+        let diagnoses = TABLES
+            .iter()
+            .map(diagnose_published)
+            .collect::<Result<_, _>>()?;
         let result = Tables {
             format: "vre-paper/1",
             weights: weights(),
@@ -37,7 +40,8 @@ impl Command for Paper {
 }
 
 fn text(result: &Tables) -> String {
-    let mut text = String::from("Table 1 as published, 1e-4 of the unit (no uncertainties are published)\n");
+    let mut text =
+        String::from("Table 1 as published, 1e-4 of the unit (no uncertainties are published)\n");
     let _ = writeln!(
         text,
         "  {:<8}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}",
@@ -60,9 +64,15 @@ fn text(result: &Tables) -> String {
         }
         text.push('\n');
     }
-    let _ = writeln!(text, "  The columns of k3 and k4 are identical for all three instruments.\n");
+    let _ = writeln!(
+        text,
+        "  The columns of k3 and k4 are identical for all three instruments.\n"
+    );
 
-    let _ = writeln!(text, "Table 2, white noise of 1 g rms; vibration error in 1e-4 g");
+    let _ = writeln!(
+        text,
+        "Table 2, white noise of 1 g rms; vibration error in 1e-4 g"
+    );
     let _ = writeln!(
         text,
         "  {:<8}{:>18}{:>18}{:>12}{:>22}",
@@ -101,8 +111,11 @@ fn text(result: &Tables) -> String {
             "", "k1' alone", "k2 alone", "k4 alone"
         );
         for row in &result.instruments {
-            let implied =
-                if of_measured { &row.implied_by_measured } else { &row.implied_by_computed };
+            let implied = if of_measured {
+                &row.implied_by_measured
+            } else {
+                &row.implied_by_computed
+            };
             let [k1_prime, k2, k4] = implied.along_blind_direction.map(|k| k * 1e4);
             let _ = writeln!(
                 text,
@@ -137,7 +150,11 @@ fn diagnosed(diagnoses: &[TableDiagnosis]) -> String {
             found.instrument,
             verdict.trim_matches('"'),
             found.gap_g * 1e4,
-            if found.blind_directions == 1 { "the one" } else { "a" },
+            if found.blind_directions == 1 {
+                "the one"
+            } else {
+                "a"
+            },
             found.spare_numbers
         );
         let named = found.would_do.iter().map(|effect| match effect.parameter {

@@ -75,7 +75,9 @@ struct Vibration {
 impl FromStr for Vibration {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, String> {
-        let (kind, level) = text.split_once(':').ok_or("is not KIND:LEVEL, such as random:1")?;
+        let (kind, level) = text
+            .split_once(':')
+            .ok_or("is not KIND:LEVEL, such as random:1")?;
         let sine = match kind {
             "sine" => true,
             "random" => false,
@@ -85,13 +87,19 @@ impl FromStr for Vibration {
         if level_g > MAX_LEVEL_G {
             return Err("the level is beyond 1e6 g".into());
         }
-        Ok(Self { text: text.into(), sine, level_g })
+        Ok(Self {
+            text: text.into(),
+            sine,
+            level_g,
+        })
     }
 }
 
 fn direction(text: &str) -> Result<[f64; 3], String> {
-    let parts: Option<Vec<f64>> =
-        text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let parts: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok())
+        .collect();
     let Some(&[i, p, o]) = parts.as_deref() else {
         return Err("is not three numbers with commas between".into());
     };
@@ -181,9 +189,11 @@ impl Command for Plan {
                 let positions =
                     best_plan(readings, &conditions, &environments, || bar.inc(1)).map_err(fail)?;
                 bar.finish_and_clear();
-                let assessment =
-                    assess(&positions, &conditions, &environments).map_err(fail)?;
-                Some(Best { assessment, positions })
+                let assessment = assess(&positions, &conditions, &environments).map_err(fail)?;
+                Some(Best {
+                    assessment,
+                    positions,
+                })
             }
         };
         let judge = |plan: &[Position]| assess(plan, &conditions, &environments).map_err(fail);
@@ -192,7 +202,10 @@ impl Command for Plan {
             plan: judge(&plan)?,
             add: additions
                 .into_iter()
-                .map(|(position, vre_sigma_g)| Addition { position, vre_sigma_g })
+                .map(|(position, vre_sigma_g)| Addition {
+                    position,
+                    vre_sigma_g,
+                })
                 .collect(),
             twice: judge(&twice)?,
             remounted: judge(&remounted)?,
@@ -229,7 +242,11 @@ impl Plan {
                 let n = campaign.readings.len() as f64;
                 conditions.noise_g =
                     campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1;
-                campaign.readings.iter().map(identification::position).collect()
+                campaign
+                    .readings
+                    .iter()
+                    .map(identification::position)
+                    .collect()
             }
             _ => read_plan(path)?,
         };
@@ -280,8 +297,15 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         condition(plan.condition)
     );
     for direction in &plan.blind_directions {
-        let parts: Vec<_> = direction.iter().map(|(name, c)| format!("{c:+.4} {name}")).collect();
-        let _ = writeln!(text, "BLIND along {}: no reading sees it.", parts.join("  "));
+        let parts: Vec<_> = direction
+            .iter()
+            .map(|(name, c)| format!("{c:+.4} {name}"))
+            .collect();
+        let _ = writeln!(
+            text,
+            "BLIND along {}: no reading sees it.",
+            parts.join("  ")
+        );
     }
     let arcsec = |angle: f64| angle.to_degrees() * 3600.0;
     let b = &conditions.bench;
@@ -294,7 +318,10 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         arcsec(b.mount_sigma_rad),
         conditions.noise_g
     );
-    let _ = writeln!(text, "Standard uncertainty of each coefficient, 1e-6 of its unit:");
+    let _ = writeln!(
+        text,
+        "Standard uncertainty of each coefficient, 1e-6 of its unit:"
+    );
     for name in NAMES {
         let _ = match plan.coefficient_sigma.get(name).copied().flatten() {
             Some(sigma) => writeln!(text, "  {name:<12} {:>10.2}", sigma * 1e6),
@@ -306,7 +333,11 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         "\nStandard uncertainty of the predicted vibration error, 1e-6 g (blind: if every coefficient is 0 +- {:e}):",
         conditions.prior_sigma
     );
-    let _ = writeln!(text, "  {:<34} {:>9} {:>9} {:>9}", "", "readings", "blind", "together");
+    let _ = writeln!(
+        text,
+        "  {:<34} {:>9} {:>9} {:>9}",
+        "", "readings", "blind", "together"
+    );
     let mut rows: Vec<(&str, &Assessment)> = vec![
         ("this plan", plan),
         ("twice, one mount", &advice.twice),
@@ -331,13 +362,23 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         }
         let gain = advice.twice.environments[k].readings_sigma_g
             / advice.remounted.environments[k].readings_sigma_g;
-        let _ = writeln!(text, "  remounting divides what the readings leave by {gain:.1}");
+        let _ = writeln!(
+            text,
+            "  remounting divides what the readings leave by {gain:.1}"
+        );
     }
     if advice.add.is_empty() {
         let _ = writeln!(text, "\nNo single position more lowers this by 2 %.");
     } else {
-        let _ = writeln!(text, "\nPositions to add, each the best after those above it:");
-        for Addition { position, vre_sigma_g } in &advice.add {
+        let _ = writeln!(
+            text,
+            "\nPositions to add, each the best after those above it:"
+        );
+        for Addition {
+            position,
+            vre_sigma_g,
+        } in &advice.add
+        {
             let _ = writeln!(
                 text,
                 "  series {}  dial {:>5} deg   then {:.2}e-6 g together",
@@ -352,7 +393,9 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
             text,
             "\nBest plan found (a local optimum; best for these vibrations only, and for no others):"
         );
-        for group in best.positions.chunk_by(|a, b| a.series == b.series && a.mount_deg == b.mount_deg)
+        for group in best
+            .positions
+            .chunk_by(|a, b| a.series == b.series && a.mount_deg == b.mount_deg)
         {
             let angles: Vec<_> = group.iter().map(|p| p.dial_deg.to_string()).collect();
             let _ = writeln!(

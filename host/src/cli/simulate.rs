@@ -63,11 +63,21 @@ impl Command for Simulate {
         let (seed, ids, strength) = if sealed {
             sealed_draw()?
         } else {
-            let ids = self.effect.iter().map(String::as_str).filter(|id| *id != NONE);
-            (Seed(self.seed.unwrap_or(1)), ids.collect::<Vec<_>>(), self.strength.unwrap_or(1.0))
+            let ids = self
+                .effect
+                .iter()
+                .map(String::as_str)
+                .filter(|id| *id != NONE);
+            (
+                Seed(self.seed.unwrap_or(1)),
+                ids.collect::<Vec<_>>(),
+                self.strength.unwrap_or(1.0),
+            )
         };
         if self.visibility.is_some() && ids.is_empty() && !sealed {
-            return Err(Error::Usage("--visibility needs an --effect other than none".into()));
+            return Err(Error::Usage(
+                "--visibility needs an --effect other than none".into(),
+            ));
         }
         let specification = Specification::with_dial_sigma(self.dial_sigma);
         let draw = |index: usize, id: &str, strength: f64| {
@@ -80,10 +90,13 @@ impl Command for Simulate {
             let strength = match self.visibility {
                 None => strength,
                 Some(wanted) => {
-                    let with = |strength| simulate(Vec::from_iter(draw(index, id, strength))).campaign;
+                    let with =
+                        |strength| simulate(Vec::from_iter(draw(index, id, strength))).campaign;
                     strength_for(wanted, &simulate(Vec::new()).campaign, with).ok_or_else(|| {
                         let id = if sealed { "the sealed effect" } else { id };
-                        Error::Usage(format!("no strength of {id} has visibility {wanted} in this campaign"))
+                        Error::Usage(format!(
+                            "no strength of {id} has visibility {wanted} in this campaign"
+                        ))
                     })?
                 }
             };
@@ -110,7 +123,11 @@ impl Command for Simulate {
             simulation.campaign.runs.len(),
             simulation.holdout.len(),
         ))?;
-        if sealed { Ok(()) } else { console.json(&simulation.truth) }
+        if sealed {
+            Ok(())
+        } else {
+            console.json(&simulation.truth)
+        }
     }
 }
 
@@ -120,6 +137,10 @@ fn sealed_draw() -> Result<(Seed, Vec<&'static str>, f64), Error> {
     let seed = Seed(u64::from_le_bytes(seal::entropy()?));
     let mut stream = Seed(u64::from_le_bytes(seal::entropy()?)).stream("label", 0);
     let ids: Vec<_> = effects::catalogue().map(|entry| entry.id).collect();
-    let drawn = if stream.index(6) == 0 { Vec::new() } else { vec![ids[stream.index(ids.len())]] };
+    let drawn = if stream.index(6) == 0 {
+        Vec::new()
+    } else {
+        vec![ids[stream.index(ids.len())]]
+    };
     Ok((seed, drawn, stream.log_uniform(0.1, 3.0)))
 }

@@ -29,7 +29,9 @@ impl Command for Unseal {
 }
 
 fn text(opened: &Opened) -> String {
-    let effects = opened.truth["effects"].as_array().map_or(&[][..], Vec::as_slice);
+    let effects = opened.truth["effects"]
+        .as_array()
+        .map_or(&[][..], Vec::as_slice);
     let mut text = if effects.is_empty() {
         String::from("The campaign has no effect beyond the nominal model.\n")
     } else {
@@ -39,5 +41,8 @@ fn text(opened: &Opened) -> String {
         let id = effect["id"].as_str().unwrap_or("?");
         text += &format!("  {id} {}\n", effect["parameters"]);
     }
-    text + &format!("Diagnosis on disk before: SHA-256 {}\n", opened.diagnosis_sha256)
+    text + &format!(
+        "Diagnosis on disk before: SHA-256 {}\n",
+        opened.diagnosis_sha256
+    )
 }

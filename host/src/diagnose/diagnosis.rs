@@ -557,7 +557,6 @@ impl Problem<'_> {
     fn over_its_range(&self, fit: &Fit, m: usize, k: usize) -> (f64, f64) {
         let member = &fit.members[m];
         let role = member.effect.parameters[k].role;
-        let weighing = self.weighing(fit.trust.clone());
         let parts: Vec<Part> = match role {
             Role::Linear { .. } => return (member.values[k], 0.0),
             Role::Curved { .. } => {
@@ -592,6 +591,7 @@ impl Problem<'_> {
                 parts
             }
             Role::Stepped { from, to, .. } => {
+                let weighing = self.weighing(fit.trust.clone());
                 let first = member.effect.linear();
                 let mut along = settings(member.effect.parameters[first].role, ALONG);
                 along.push(member.values[first]);
