@@ -552,8 +552,9 @@ impl Problem<'_> {
         4_usize.saturating_sub(distinct.len())
     }
 
-    /// Mean and standard deviation of a parameter over its range, by the likelihood at parts of it, the other curved
-    /// parameters fitted to each. One that goes by steps is made up for by the effect's first curved parameter alone.
+    /// Mean and standard deviation of a parameter over its range, by the likelihood at parts of it: as far from the fit as it
+    /// may be without a gap, the other parameters fitted to each part. One that goes by steps is followed over all of it, made up
+    /// for by the effect's first curved parameter alone.
     fn over_its_range(&self, fit: &Fit, m: usize, k: usize) -> (f64, f64) {
         let member = &fit.members[m];
         let role = member.effect.parameters[k].role;

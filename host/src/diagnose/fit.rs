@@ -15,8 +15,9 @@ use crate::campaign::DETECTOR_REL_ERROR;
 
 /// Change of chi-square, and of the logarithm of a run's weight, at which a fit has settled.
 const SETTLED: f64 = 1e-2;
-/// Least part of a step, that did not help, that is tried next.
+/// A step that did not help is shortened to this part of it at least, and to this of the first one at last.
 const SHORTEST: f64 = 0.1;
+const LEAST_PART: f64 = 1e-3;
 /// Settings of the first curved parameter that go along with one that goes by steps.
 pub(super) const ALONG: usize = 20;
 
@@ -296,8 +297,8 @@ impl Problem<'_> {
                 let promised = solution.objective - objective;
                 let mut fraction = 1.0;
                 let mut better = None;
-                // The objective begins to fall along the step by twice what the whole of it promises.
-                while better.is_none() && fraction * promised > SETTLED {
+                // A part of the step promises that part of the whole's gain, at least.
+                while better.is_none() && fraction * promised > SETTLED && fraction > LEAST_PART {
                     let candidate = moved(&members, &curved, &direction, fraction);
                     let parts = self.parts(&candidate);
                     let tried = self.solve_parts(&candidate, &parts, &weighing);

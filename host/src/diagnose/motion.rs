@@ -233,7 +233,8 @@ impl Averages {
     }
 
     /// The time mean of `function` over a run with this motion. Between its `kinks`, multiples of the motion's
-    /// amplitude where it or its slope jumps, the function is smooth.
+    /// amplitude where it or its slope jumps, the function is smooth; one without any is a polynomial of the sixth degree at
+    /// most.
     pub fn mean(
         &self,
         run: &Run,

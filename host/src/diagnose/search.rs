@@ -149,7 +149,7 @@ impl Problem<'_> {
                         continue;
                     };
                     let known = |base: &&Fit| {
-                        same(base, &alone) && base.objective < alone.objective + ALIKE
+                        same(base, &alone) && (base.objective - alone.objective).abs() < ALIKE
                     };
                     if !bases.iter().any(known) {
                         offer(&mut found, self.add_to(&alone, &starts, FURTHER));

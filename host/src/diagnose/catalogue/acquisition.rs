@@ -6,6 +6,7 @@ use shared::model::SpecificForce;
 
 use super::{Action, Effect, Stage, even, linear, logarithmic};
 use crate::campaign::{Run, VibrationKind};
+use crate::diagnose::motion::Motion;
 use crate::diagnose::problem::{Block, Change, Situation};
 
 pub(super) const EFFECTS: &[Effect] = &[
@@ -59,21 +60,21 @@ fn inl(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
         add(Block::Static, row, error(u));
     }
     // Runs differ in frequency more often than in attitude and level.
-    let mut known: Vec<(SpecificForce<f64>, [f64; 3], [[f64; 2]; 2])> = Vec::new();
+    let mut known: Vec<(SpecificForce<f64>, Motion, [[f64; 2]; 2])> = Vec::new();
     for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
-        let (a0, amplitude_g) = (run.specific_force_g, motion.amplitude_g);
+        let a0 = run.specific_force_g;
         let same = known
             .iter()
-            .find(|known| (known.0, known.1) == (a0, amplitude_g));
+            .find(|known| (known.0, known.1) == (a0, *motion));
         let same = same
             .filter(|_| run.kind == VibrationKind::Sine)
             .map(|known| known.2);
         let [rest, during] = same.unwrap_or_else(|| {
             let u = s.coefficients.output_g(a0);
-            [error(u), shaken(error, rate, run, amplitude_g, s)]
+            [error(u), shaken(error, rate, run, motion, s)]
         });
         if run.kind == VibrationKind::Sine && same.is_none() {
-            known.push((a0, amplitude_g, [rest, during]));
+            known.push((a0, *motion, [rest, during]));
         }
         add(Block::Before, row, rest);
         add(Block::After, row, rest);
@@ -98,11 +99,11 @@ fn shaken(
     error: impl Fn(f64) -> [f64; 2],
     rate: f64,
     run: &Run,
-    amplitude_g: [f64; 3],
+    motion: &Motion,
     s: &Situation<'_>,
 ) -> [f64; 2] {
-    let a0 = run.specific_force_g;
-    let x = rate * amplitude_g[0].abs();
+    let (a0, h) = (run.specific_force_g, motion.second_harmonic);
+    let x = rate * motion.amplitude_g[0].abs();
     if run.kind == VibrationKind::Random || s.averages.rough {
         // As if the output were the specific force but for a constant.
         let damping = match run.kind {
@@ -115,11 +116,12 @@ fn shaken(
     }
     // The instrument's own nonlinearity bends the sine by a good part of the error's period. An even number of phases
     // of a whole period is exact once it exceeds the phase's excursion (Bessel functions of that order vanish).
-    let phases = (0.5 * x) as usize + 16;
+    let phases = (0.5 * x * (1.0 + 2.0 * h.abs())) as usize + 16;
     let mut sums = [0.0; 2];
     for n in 0..phases {
         let w = (PI * ((n as f64 + 0.5) / phases as f64 - 0.5)).sin();
-        let [i, p, o] = amplitude_g.map(|amplitude| amplitude * w);
+        let w = w - h * (1.0 - 2.0 * w * w);
+        let [i, p, o] = motion.amplitude_g.map(|amplitude| amplitude * w);
         let force = SpecificForce::new(a0.i + i, a0.p + p, a0.o + o);
         for (sum, value) in sums.iter_mut().zip(error(s.coefficients.output_g(force))) {
             *sum += value;

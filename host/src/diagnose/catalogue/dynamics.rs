@@ -78,7 +78,7 @@ fn filtered(
     }
 }
 
-/// Relative difference of two records' ends below which it is hardly chance.
+/// Relative difference of two records' ends below which they are the same: by chance in a few of a hundred campaigns.
 const ALIKE: f64 = 0.5 * DETECTOR_REL_ERROR;
 
 /// The greatest and the least output of all runs, g, each if two random records or more end there.
@@ -139,7 +139,7 @@ fn saturate(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
         change.add(Block::After, row, rest);
         let swing = motion.amplitude_g[0].abs();
         let reach = if run.kind == VibrationKind::Sine {
-            swing
+            swing * (1.0 + motion.second_harmonic.abs())
         } else {
             7.0 * swing
         };
@@ -149,7 +149,7 @@ fn saturate(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
             // A limit below the extreme is none. Where several records end alike, it is not above either.
             let [most, least] = ends;
             let there = |end: Option<f64>, extreme: f64| {
-                end.is_some_and(|end| (extreme - end).abs() < DETECTOR_REL_ERROR * end.abs())
+                end.is_some_and(|end| (extreme - end).abs() < ALIKE * end.abs())
             };
             let maximum = extremes.maximum_v / s.scale_v_per_g;
             let minimum = extremes.minimum_v / s.scale_v_per_g;

@@ -46,9 +46,9 @@ pub(super) const EFFECTS: &[Effect] = &[
                     change.add(block, row, excess_k * a0);
                 }
                 if run.kind == VibrationKind::Sine {
-                    let swing = motion.amplitude_g[0].abs();
-                    change.add(Block::Maximum, row, excess_k * (a0 + swing));
-                    change.add(Block::Minimum, row, excess_k * (a0 - swing));
+                    let [most, least] = motion.extremes().map(|w| w * motion.amplitude_g[0]);
+                    change.add(Block::Maximum, row, excess_k * (a0 + most));
+                    change.add(Block::Minimum, row, excess_k * (a0 + least));
                 }
             }
         }),
