@@ -462,16 +462,13 @@ impl Problem<'_> {
                 }
             };
             let h = 1e-4 * (to - from);
-            let (then, now) = match difference {
-                Difference::Forward => (at(t), at(t + h)),
-                Difference::Central => (at(t - h), at(t + h)),
+            let behind = match difference {
+                Difference::Forward => 0.0,
+                Difference::Central => h,
             };
-            let step = match difference {
-                Difference::Forward => h,
-                Difference::Central => 2.0 * h,
-            };
-            let change = now.iter().zip(&then);
-            self.column(change.map(|(now, then)| (now - then) / step).collect())
+            let (then, now) = (at(t - behind), at(t + h));
+            let change = now.iter().zip(&then).map(|(now, then)| now - then);
+            self.column(change.map(|change| change / (h + behind)).collect())
         };
         curved.iter().map(column).collect()
     }

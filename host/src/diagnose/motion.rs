@@ -65,12 +65,21 @@ impl Motion {
         -a0_i_g / self.amplitude_g[0]
     }
 
+    /// Multiple of a sine's amplitude, its second harmonic included, at a phase.
+    pub fn at_phase(&self, phase_rad: f64) -> f64 {
+        self.at_sine(phase_rad.sin())
+    }
+
+    /// The same where the phase has this sine.
+    fn at_sine(&self, sine: f64) -> f64 {
+        sine - self.second_harmonic * (1.0 - 2.0 * sine * sine)
+    }
+
     /// Multiples of a sine's amplitude, its second harmonic included, at which IA feels most and least.
     pub fn extremes(&self) -> [f64; 2] {
         let h = self.second_harmonic;
         // From a quarter on it turns between the quarter periods as well.
-        let turn = (-0.25 / h).clamp(-1.0, 1.0);
-        let turn = turn - h * (1.0 - 2.0 * turn * turn);
+        let turn = self.at_sine((-0.25 / h).clamp(-1.0, 1.0));
         let (least, most) = (turn.min(h - 1.0), turn.max(h + 1.0));
         if self.amplitude_g[0] < 0.0 {
             [least, most]
@@ -125,7 +134,6 @@ impl Motion {
     /// value of the whole, on which a = a0 + i (sin x - h cos 2x) keeps its sign.
     fn distorted_kinks(&self, a0: f64) -> KinkedMeans<f64> {
         let [i, h] = [self.amplitude_g[0], self.second_harmonic];
-        let a = |x: f64| a0 + i * (x.sin() - h * (2.0 * x).cos());
         let integrals = |x: f64| {
             let [c1, c3] = [x, 3.0 * x].map(f64::cos);
             let [s2, s4] = [2.0 * x, 4.0 * x].map(f64::sin);
@@ -140,7 +148,7 @@ impl Motion {
         let mut sums = [0.0; 3];
         let mut from = -FRAC_PI_2;
         for to in self.phases(self.zero(a0)).into_iter().chain([FRAC_PI_2]) {
-            let middle = a(0.5 * (from + to));
+            let middle = a0 + i * self.at_phase(0.5 * (from + to));
             let sign = f64::from(middle > 0.0) - f64::from(middle < 0.0);
             let piece = integrals(to).into_iter().zip(integrals(from));
             for (sum, (to, from)) in sums.iter_mut().zip(piece) {
@@ -247,12 +255,8 @@ impl Averages {
         let at = |w: f64| function([a0.i + i * w, a0.p + p * w, a0.o + o * w]);
         if run.kind == VibrationKind::Sine {
             // Half a period passes every value of the whole.
-            let h = motion.second_harmonic;
             let mut sum = 0.0;
-            let add = |x: f64, width: f64| {
-                let sine = x.sin();
-                sum += width * at(sine - h * (1.0 - 2.0 * sine * sine));
-            };
+            let add = |x: f64, width: f64| sum += width * at(motion.at_phase(x));
             if kinks.is_empty() {
                 evenly(FRAC_PI_2, EVEN_SINE_NODES, add);
             } else {

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use shared::model::NOMINAL;
 
-use super::catalogue::{Action, Seen};
+use super::catalogue::{Action, Add, Seen};
 use super::fit::Member;
 use super::motion::Motion;
 use super::problem::{Block, Column, Problem, Situation};
@@ -34,7 +34,7 @@ struct Moved {
 
 /// What an effect adds for a unit of each parameter in proportion (or at all, without one): the column, and the variance
 /// of each run's `during`, g^2.
-type Columns = Vec<(Column, Vec<f64>)>;
+pub(super) type Columns = Vec<(Column, Vec<f64>)>;
 
 /// Effects with those of their parameters that matter.
 type Key = Vec<(&'static str, Vec<f64>)>;
@@ -131,12 +131,7 @@ impl Problem<'_> {
                             ..s.clone()
                         });
                         let felt = moved.as_ref().unwrap_or(s);
-                        let mut changes = vec![self.no_change(); effect.linear().max(1)];
-                        add(values, felt, &mut changes);
-                        changes
-                            .into_iter()
-                            .map(|change| self.whiten(change))
-                            .collect()
+                        self.columns(add, effect.linear(), values, felt)
                     };
                     let curved = values[effect.linear()..].to_vec();
                     let key = [&[(effect.id, curved)], &by[..]].concat();
@@ -164,6 +159,20 @@ impl Problem<'_> {
             }
         }
         parts
+    }
+
+    /// What an effect of so many parameters in proportion adds, whitened.
+    pub(super) fn columns(
+        &self,
+        add: Add,
+        linear: usize,
+        values: &[f64],
+        felt: &Situation<'_>,
+    ) -> Columns {
+        let mut changes = vec![self.no_change(); linear.max(1)];
+        add(values, felt, &mut changes);
+        let whitened = changes.into_iter().map(|change| self.whiten(change));
+        whitened.collect()
     }
 
     /// Motions of the instrument under some effects, and what the reference sees of them, whitened.

@@ -234,10 +234,11 @@ impl Problem<'_> {
                 };
                 match effect.action {
                     Action::Adds(add) => {
-                        let mut changes = vec![self.no_change(); effect.linear().max(1)];
-                        add(&start.member.values, &self.situation, &mut changes);
-                        let columns = changes.into_iter().map(|change| self.whiten(change).0);
-                        start.columns.extend(columns);
+                        let (values, linear) = (&start.member.values, effect.linear());
+                        let columns = self.columns(add, linear, values, &self.situation);
+                        start
+                            .columns
+                            .extend(columns.into_iter().map(|(column, _)| column));
                     }
                     Action::Moves(..) => {
                         let (motions, seen) =

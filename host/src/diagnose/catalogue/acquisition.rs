@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use shared::model::SpecificForce;
 
-use super::{Action, Effect, Stage, even, linear, logarithmic};
+use super::{Action, Effect, Stage, add_each, even, linear, logarithmic};
 use crate::campaign::{Run, VibrationKind};
 use crate::diagnose::motion::Motion;
 use crate::diagnose::problem::{Block, Change, Situation};
@@ -50,14 +50,9 @@ fn inl(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
         let (sin, cos) = (rate * u).sin_cos();
         [sin, cos - 1.0]
     };
-    let mut add = |block: Block, row: usize, values: [f64; 2]| {
-        for (change, value) in changes.iter_mut().zip(values) {
-            change.add(block, row, value);
-        }
-    };
     for (row, reading) in s.readings.iter().enumerate() {
         let u = s.coefficients.output_g(reading.specific_force_g);
-        add(Block::Static, row, error(u));
+        add_each(changes, Block::Static, row, error(u));
     }
     // Runs differ in frequency more often than in attitude and level.
     let mut known: Vec<(SpecificForce<f64>, Motion, [[f64; 2]; 2])> = Vec::new();
@@ -76,11 +71,9 @@ fn inl(p: &[f64], s: &Situation<'_>, changes: &mut [Change]) {
         if run.kind == VibrationKind::Sine && same.is_none() {
             known.push((a0, *motion, [rest, during]));
         }
-        add(Block::Before, row, rest);
-        add(Block::After, row, rest);
-        add(Block::During, row, during);
-    }
-    for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
+        add_each(changes, Block::Before, row, rest);
+        add_each(changes, Block::After, row, rest);
+        add_each(changes, Block::During, row, during);
         if run.kind == VibrationKind::Random {
             // sin of a phase spread far over a turn: half of it is scatter, over the independent values of the record.
             let independent = (run.band_hz[1] - run.band_hz[0]).max(1.0) * run.duration_s;
@@ -119,8 +112,7 @@ fn shaken(
     let phases = (0.5 * x * (1.0 + 2.0 * h.abs())) as usize + 16;
     let mut sums = [0.0; 2];
     for n in 0..phases {
-        let w = (PI * ((n as f64 + 0.5) / phases as f64 - 0.5)).sin();
-        let w = w - h * (1.0 - 2.0 * w * w);
+        let w = motion.at_phase(PI * ((n as f64 + 0.5) / phases as f64 - 0.5));
         let [i, p, o] = motion.amplitude_g.map(|amplitude| amplitude * w);
         let force = SpecificForce::new(a0.i + i, a0.p + p, a0.o + o);
         for (sum, value) in sums.iter_mut().zip(error(s.coefficients.output_g(force))) {

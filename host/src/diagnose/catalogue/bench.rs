@@ -1,6 +1,6 @@
 //! The dividing head and its base.
 
-use super::{Action, Effect, Stage, linear};
+use super::{Action, Effect, Stage, add_each, linear};
 use crate::campaign::{Approach, Reading, Series};
 use crate::diagnose::problem::{ARCSEC_RAD, Block, Change, Situation};
 use crate::identification::position;
@@ -63,9 +63,8 @@ fn on_dial<const N: usize>(
     values: impl Fn(&Reading) -> [f64; N],
 ) {
     for (row, reading) in s.readings.iter().enumerate() {
-        for (change, value) in changes.iter_mut().zip(values(reading)) {
-            change.add(Block::Static, row, s.gravity_g * value);
-        }
+        let values = values(reading).map(|value| s.gravity_g * value);
+        add_each(changes, Block::Static, row, values);
     }
 }
 

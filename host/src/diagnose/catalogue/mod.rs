@@ -14,7 +14,7 @@ mod statics;
 use serde::{Deserialize, Serialize};
 
 use super::motion::Motion;
-use super::problem::{Change, Situation};
+use super::problem::{Block, Change, Situation};
 use crate::campaign::Run;
 
 /// Link of the chain at which an effect acts.
@@ -109,12 +109,15 @@ pub struct Effect {
 /// Names of reported parameters, and the function from fitted to reported values.
 pub type Renamed = (&'static [&'static str], fn(&[f64]) -> Vec<f64>);
 
+/// What an effect adds at the values of its parameters.
+pub type Add = fn(&[f64], &Situation<'_>, &mut [Change]);
+
 /// How an effect acts.
 #[derive(Clone, Copy, Debug)]
 pub enum Action {
     /// Adds to the observations: per unit of each parameter in proportion, in their order, at the others' values; with no
     /// parameter in proportion one change, all that it adds.
-    Adds(fn(&[f64], &Situation<'_>, &mut [Change])),
+    Adds(Add),
     /// Changes the instrument's motion in each run; whether the reference sees it.
     Moves(fn(&[f64], &Situation<'_>, &mut [Motion]), Seen),
     /// Scatters a run's `during`: the variance in g^2 when the effect's one parameter, a size, is 1.
@@ -158,6 +161,18 @@ pub fn catalogue() -> impl Iterator<Item = &'static Effect> {
 /// The effect of that identifier.
 pub fn find(id: &str) -> Option<&'static Effect> {
     catalogue().find(|effect| effect.id == id)
+}
+
+/// Adds a value to each of several changes.
+fn add_each(
+    changes: &mut [Change],
+    block: Block,
+    row: usize,
+    values: impl IntoIterator<Item = f64>,
+) {
+    for (change, value) in changes.iter_mut().zip(values) {
+        change.add(block, row, value);
+    }
 }
 
 const fn linear(name: &'static str, width: f64) -> Parameter {
