@@ -1,5 +1,6 @@
 //! `vre identify`
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
@@ -67,15 +68,11 @@ fn text(found: &Identification) -> String {
         }
     }
     for direction in &found.blind_directions {
-        let parts: Vec<_> = direction
-            .iter()
-            .map(|(name, c)| format!("{c:+.4} {name}"))
-            .collect();
         let _ = writeln!(
             text,
             "BLIND: no reading of this plan sees the direction {}. Predicted vibration errors along it rest on \
              an assumption; `vre plan` tells which positions to add.",
-            parts.join("  ")
+            sum(direction)
         );
     }
     if let Some(sigma) = found.prior_sigma {
@@ -85,6 +82,13 @@ fn text(found: &Identification) -> String {
         );
     }
     text
+}
+
+/// A direction of the coefficients for people: a sum of them.
+pub fn sum(direction: &BTreeMap<&str, f64>) -> String {
+    let parts = direction.iter();
+    let parts: Vec<_> = parts.map(|(name, c)| format!("{c:+.4} {name}")).collect();
+    parts.join("  ")
 }
 
 /// A condition number for people.

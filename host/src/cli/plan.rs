@@ -10,7 +10,7 @@ use shared::model::{NOMINAL, SpecificForce};
 use shared::tumble::{Position, full_rank_plan, paper_plan};
 use shared::vibration::{Harmonic, Moments, Random};
 
-use super::identify::condition;
+use super::identify::{condition, sum};
 use super::{Command, Console, positive};
 use crate::campaign::{Campaign, read_plan};
 use crate::error::Error;
@@ -297,15 +297,7 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         condition(plan.condition)
     );
     for direction in &plan.blind_directions {
-        let parts: Vec<_> = direction
-            .iter()
-            .map(|(name, c)| format!("{c:+.4} {name}"))
-            .collect();
-        let _ = writeln!(
-            text,
-            "BLIND along {}: no reading sees it.",
-            parts.join("  ")
-        );
+        let _ = writeln!(text, "BLIND along {}: no reading sees it.", sum(direction));
     }
     let arcsec = |angle: f64| angle.to_degrees() * 3600.0;
     let b = &conditions.bench;
