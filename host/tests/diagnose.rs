@@ -4,12 +4,17 @@ use host::bench::effects;
 use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Simulation, Specification, VirtualBench};
-use host::campaign::Run;
-use host::diagnose::blind::blind_check;
-use host::diagnose::catalogue::{self, Action};
-use host::diagnose::fit::Member;
-use host::diagnose::problem::{Block, Problem};
-use host::diagnose::{Verdict, diagnose, predict_refitted, predict_with_effects};
+use host::campaign::{Campaign, Run, VibrationKind};
+use host::campaign_model::CampaignModel;
+use host::diagnose::{Diagnosis, Verdict, diagnose};
+use host::effects::identity::Stage;
+use host::effects::{self as catalogue, Action};
+use host::forward::contribution::Observable;
+use host::forward::nominal::coefficients;
+use host::quantity::Quantity;
+use host::refit::predict_refitted;
+use host::study::blind_check;
+use inference::model::{Member, SeparableModel};
 
 fn simulate(seed: u64, effect: Option<(&str, f64)>) -> Simulation {
     let seed = Seed(seed);
@@ -42,45 +47,51 @@ fn member(id: &str, simulation: &Simulation) -> Member {
         name => value(name),
     };
     Member {
-        effect,
+        component: 0,
         values: effect.parameters.iter().map(|p| of(p.name)).collect(),
     }
 }
 
+/// Refitted vibration errors of runs, with the effects that a diagnosis found.
+fn predicted(campaign: &Campaign, diagnosis: &Diagnosis, runs: &[Run]) -> Vec<Quantity> {
+    predict_refitted(campaign, diagnosis.serving(), runs, None).unwrap()
+}
+
 #[test]
 fn every_forward_model_is_what_the_effect_does_in_the_time_domain() {
-    for effect in catalogue::catalogue().filter(|e| !matches!(e.action, Action::Scatters(_))) {
+    for effect in catalogue::catalogue().filter(|e| !matches!(e.action, Action::AddsVariance(_))) {
         // The effect's own difference: both campaigns have the same noise.
         let (bare, with) = (simulate(11, None), simulate(11, Some((effect.id, 1.0))));
-        let mut problem = Problem::new(&bare.campaign, &[]);
-        let mut changed = Problem::with_scale(&with.campaign, &[], problem.scale_v_per_g);
-        let mut theta = bare.truth.coefficients;
-        theta[0] /= problem.scale_v_per_g;
-        for k in 1..theta.len() {
-            theta[k] *= theta[0];
+        let mut model = CampaignModel::new(&bare.campaign, &[], &[effect]);
+        let scale_v_per_g = model.scale_v_per_g();
+        let mut changed = CampaignModel::with_scale(&with.campaign, &[], &[effect], scale_v_per_g);
+        let mut truth = bare.truth.coefficients;
+        truth[0] /= scale_v_per_g;
+        for k in 1..truth.len() {
+            truth[k] *= truth[0];
         }
-        let coefficients = host::diagnose::fit::nominal(&theta);
-        problem.suppose(coefficients);
-        changed.suppose(coefficients);
+        model.believe(coefficients(&truth));
+        changed.believe(coefficients(&truth));
         // What the reference saw and how far the output went belongs to the campaign with the effect.
-        let says = changed.prediction(&[member(effect.id, &with)], &theta);
-        let nothing = problem.prediction(&[], &theta);
+        let says = changed.prediction(&[member(effect.id, &with)], &truth);
+        let nothing = model.prediction(&[], &truth);
+        let [now, then] = [&changed, &model].map(|m| &m.observations().observed().values);
         let (mut square, mut error, mut scatter, mut random) = (0.0, 0.0, 0.0, 0.0);
-        for block in [
-            Block::Static,
-            Block::Before,
-            Block::During,
-            Block::After,
-            Block::Drift,
+        for observable in [
+            Observable::Static,
+            Observable::Before,
+            Observable::During,
+            Observable::After,
+            Observable::Drift,
         ] {
-            for (n, row) in problem.range(block).enumerate() {
-                let truth = changed.observed.values[row] - problem.observed.values[row];
+            for (n, row) in model.rows(observable).enumerate() {
+                let truth = now[row] - then[row];
                 let miss = truth - (says.0[row] - nothing.0[row]);
-                let is_random = block == Block::During
-                    && problem.situation.runs[n].band_hz[0] < problem.situation.runs[n].band_hz[1];
+                let is_random = observable == Observable::During
+                    && model.conditions().runs[n].kind == VibrationKind::Random;
                 if is_random {
                     // A record of 8 s has moments and a spectrum of its own: within its stated variance.
-                    let variance = says.1[n] * problem.weights[row].powi(2);
+                    let variance = says.1[n] * model.observations().weight(row).powi(2);
                     scatter += miss * miss / (1.0 + variance + 1e-3 * truth * truth);
                     random += 1.0;
                 } else {
@@ -125,20 +136,16 @@ fn an_effect_is_named_and_closes_the_gap_on_runs_that_were_held_out() {
         // None of these has a coefficient on board; that of the characteristic is told why.
         let compensation = diagnosis.compensation.as_ref().unwrap();
         assert!(compensation.carried.is_empty());
-        let statics = catalogue::find(id).unwrap().stage == catalogue::Stage::InstrumentStatics;
+        let statics = catalogue::find(id).unwrap().stage == Stage::InstrumentStatics;
         let left = if statics { vec![id] } else { vec![] };
         assert_eq!(compensation.not_carried, left);
         assert_eq!(compensation.rank, 11);
         let text = serde_json::to_string(&diagnosis).unwrap();
         assert_eq!(
-            serde_json::from_str::<host::diagnose::Diagnosis>(&text)
-                .unwrap()
-                .which,
+            serde_json::from_str::<Diagnosis>(&text).unwrap().which,
             diagnosis.which
         );
-        let predicted =
-            predict_with_effects(&simulation.campaign, &diagnosis, &simulation.holdout, None)
-                .unwrap();
+        let predicted = predicted(&simulation.campaign, &diagnosis, &simulation.holdout);
         for (quantity, truth) in predicted.iter().zip(&simulation.truth.holdout_vre_g) {
             let (value, sigma) = quantity.known().unwrap();
             assert!(
@@ -160,8 +167,8 @@ fn an_effect_taken_out_of_the_catalogue_is_unexplained() {
     // What fits for no known reason is not added to predictions.
     let (campaign, runs) = (&simulation.campaign, &simulation.holdout);
     assert_eq!(
-        predict_with_effects(campaign, &diagnosis, runs, None).unwrap(),
-        predict_refitted(campaign, runs, None).unwrap()
+        predicted(campaign, &diagnosis, runs),
+        predict_refitted(campaign, [], runs, None).unwrap()
     );
     assert!(diagnose(&simulation.campaign, &["nonsense".to_owned()]).is_err());
 }
@@ -203,8 +210,8 @@ fn a_prediction_learns_nothing_from_the_runs_that_it_predicts() {
     let kept_back = campaign.runs.split_off(60);
     let unmade: Vec<Run> = kept_back.iter().map(Run::unmade).collect();
     assert_eq!(
-        predict_refitted(&campaign, &kept_back, None).unwrap(),
-        predict_refitted(&campaign, &unmade, None).unwrap()
+        predict_refitted(&campaign, [], &kept_back, None).unwrap(),
+        predict_refitted(&campaign, [], &unmade, None).unwrap()
     );
     // A run of the campaign's number under another condition is another run.
     let louder = Run {
@@ -216,8 +223,8 @@ fn a_prediction_learns_nothing_from_the_runs_that_it_predicts() {
         ..louder.clone()
     };
     assert_eq!(
-        predict_refitted(&campaign, &[louder], None).unwrap(),
-        predict_refitted(&campaign, &[renamed], None).unwrap()
+        predict_refitted(&campaign, [], &[louder], None).unwrap(),
+        predict_refitted(&campaign, [], &[renamed], None).unwrap()
     );
 }
 

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use super::{Command, Console};
 use crate::campaign::Campaign;
-use crate::diagnose::{diagnose, text};
+use crate::diagnose::diagnose;
 use crate::error::Error;
 use crate::output::write_file;
-use crate::report::diagnosis_page;
+use crate::report::{diagnosis_page, diagnosis_text};
 
 /// Find where the gap between prediction and shaker lies, which effect causes it and how far it shrinks
 #[derive(clap::Args)]
@@ -32,7 +32,7 @@ impl Command for Diagnose {
         if let Some(file) = &self.html {
             write_file(file, diagnosis_page(&study)?.as_bytes())?;
         }
-        console.print(text(&study.diagnosis))?;
+        console.print(diagnosis_text(&study.diagnosis))?;
         console.json(&study.diagnosis)
     }
 }

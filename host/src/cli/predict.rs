@@ -5,10 +5,11 @@ use std::path::PathBuf;
 
 use super::{Command, Console};
 use crate::campaign::{Campaign, Run, read_runs};
-use crate::diagnose::{Diagnosis, predict_with_effects};
+use crate::diagnose::Diagnosis;
 use crate::error::Error;
 use crate::identification::scatter_warning;
 use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
+use crate::refit::predict_refitted;
 use crate::report;
 
 /// Predict the vibration error of shaker runs from the static test, and from static test and shaker together
@@ -52,8 +53,9 @@ impl Command for Predict {
         let mut prediction = predict(&campaign, runs, self.prior_sigma)?;
         if let Some(file) = &self.diagnosis {
             let diagnosis = Diagnosis::read(file)?;
+            let effects = diagnosis.serving();
             let with_effects =
-                predict_with_effects(&campaign, &diagnosis, runs, prediction.prior_sigma)?;
+                predict_refitted(&campaign, effects, runs, prediction.prior_sigma)?;
             for (run, quantity) in prediction.runs.iter_mut().zip(with_effects) {
                 run.with_effects_vre_g = Some(quantity);
             }

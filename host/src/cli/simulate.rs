@@ -10,9 +10,9 @@ use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
 use crate::campaign::write_runs;
-use crate::diagnose::visibility::strength_for;
 use crate::error::Error;
 use crate::seal;
+use crate::study::visibility::strength_for;
 
 const TRUTH: &str = "truth.json";
 const NONE: &str = "none";

@@ -3,6 +3,7 @@
 //! [`Report`] holds all that was computed, once; [`text`] and the page only show it.
 
 mod diagnosis;
+mod diagnosis_text;
 mod figures;
 mod outlook;
 mod page;
@@ -23,6 +24,7 @@ use crate::output::{write_file, write_json};
 use crate::prediction::{Prediction, predict};
 
 pub use diagnosis::page as diagnosis_page;
+pub use diagnosis_text::text as diagnosis_text;
 pub use outlook::{Direction, Outlook, PlanSigma};
 pub use remarks::{Remark, Severity};
 

@@ -1,0 +1,122 @@
+//! Whether a fit leaves more than noise: what it leaves in each observable, and what smooth functions of the conditions
+//! would still explain.
+
+use crate::fit::Fit;
+use crate::model::SeparableModel;
+use crate::observations::Column;
+use crate::remainder::Remainder;
+
+/// What a fit leaves unexplained.
+#[derive(Clone, Debug)]
+pub struct Adequacy {
+    /// Chi-square and degrees of freedom of each observable that a misfit is looked for in, in the order of reports.
+    pub observables: Vec<(f64, f64)>,
+    /// Least probability of so large a misfit, corrected for the number of tests.
+    pub p_value: f64,
+    /// Largest chi-square beyond its expectation that a test found.
+    pub excess: f64,
+    /// Logarithm of the evidence that "something else" acts besides, over that of the fit alone.
+    pub log_something_else: f64,
+}
+
+impl Adequacy {
+    /// Chi-square and degrees of freedom of all observables together.
+    pub fn total(&self) -> (f64, f64) {
+        let add = |sum: (f64, f64), o: &(f64, f64)| (sum.0 + o.0, sum.1 + o.1);
+        self.observables.iter().fold((0.0, 0.0), add)
+    }
+}
+
+/// Judges a fit. `families` are columns of smooth functions of the conditions.
+pub fn adequacy(model: &dyn SeparableModel, fit: &Fit, families: &[Vec<Column>]) -> Adequacy {
+    let observations = model.observations();
+    let leverage = leverages(model, fit);
+    let mut observables = Vec::new();
+    let mut least = 1.0_f64;
+    let mut excess = 0.0_f64;
+    let mut tests = 0.0;
+    for observable in observations.gap() {
+        let rows = observable.rows.clone();
+        let (mut chi2, mut freedom) = (0.0, 0.0);
+        for (r, h) in fit.residuals[rows.clone()]
+            .iter()
+            .zip(&leverage[rows.clone()])
+        {
+            chi2 += r * r;
+            freedom += 1.0 - h;
+        }
+        let observed = observations.observed_rows(rows.clone()).count();
+        freedom -= (rows.len() - observed) as f64;
+        if freedom > 0.5 {
+            least = least.min(chi2_tail(chi2, freedom));
+            excess = excess.max(chi2 - freedom);
+            tests += 1.0;
+        }
+        observables.push((chi2, freedom));
+    }
+    let remainder = Remainder::new(model, fit);
+    let mut all: Vec<&Column> = Vec::new();
+    for family in families {
+        let columns: Vec<&Column> = family.iter().collect();
+        let (gain, count) = remainder.gain(&columns, 1e6);
+        if count > 0.0 {
+            least = least.min(chi2_tail(gain, count));
+            excess = excess.max(gain - count);
+            tests += 1.0;
+        }
+        all.extend(columns);
+    }
+    Adequacy {
+        observables,
+        p_value: (least * f64::max(tests, 1.0)).min(1.0),
+        excess,
+        log_something_else: remainder.something_else(&all),
+    }
+}
+
+/// Share of each row that a fit's unknowns take; of the observables that a misfit is looked for in.
+pub fn leverages(model: &dyn SeparableModel, fit: &Fit) -> Vec<f64> {
+    let observations = model.observations();
+    let n = fit.columns.len();
+    let mut leverage = vec![0.0; observations.len()];
+    let mut x = vec![0.0; n];
+    for row in observations.gap().flat_map(|o| o.rows.clone()) {
+        for (x, column) in x.iter_mut().zip(&fit.columns) {
+            *x = column.values[row];
+        }
+        let mut sum = 0.0;
+        for i in 0..n {
+            let covariance = &fit.covariance[i * n..(i + 1) * n];
+            sum += x[i] * covariance.iter().zip(&x).map(|(c, x)| c * x).sum::<f64>();
+        }
+        leverage[row] = sum;
+    }
+    let uncertain = leverage[observations.uncertain()].iter_mut();
+    for (h, factor) in uncertain.zip(&fit.precision_factor) {
+        *h *= factor;
+    }
+    leverage
+}
+
+/// Observed less the base's part, in units of the noise; uncertain rows by their whole uncertainty.
+pub fn gap(model: &dyn SeparableModel, fit: &Fit) -> Vec<f64> {
+    let observations = model.observations();
+    let mut gap = observations.observed().values.clone();
+    for (column, x) in model.base().columns.iter().zip(&fit.base_values) {
+        for (g, v) in gap.iter_mut().zip(&column.values) {
+            *g -= x * v;
+        }
+    }
+    let uncertain = gap[observations.uncertain()].iter_mut();
+    for (g, factor) in uncertain.zip(&fit.precision_factor) {
+        *g *= factor.sqrt();
+    }
+    gap
+}
+
+/// Probability that chi-square exceeds a value, by Wilson and Hilferty's cube root.
+fn chi2_tail(value: f64, freedom: f64) -> f64 {
+    let variance = 2.0 / (9.0 * freedom);
+    let z = ((value / freedom).max(0.0).cbrt() - (1.0 - variance)) / variance.sqrt();
+    0.5 * libm::erfc(z * std::f64::consts::FRAC_1_SQRT_2)
+}

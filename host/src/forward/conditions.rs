@@ -1,0 +1,275 @@
+//! Conditions of readings and runs, and what other instruments than the one under test saw.
+
+use std::rc::Rc;
+
+use shared::model::{Coefficients, SpecificForce};
+
+use super::band::Bands;
+use super::motion::{Motion, main_axis};
+use super::time_mean::Averages;
+use crate::campaign::{Approach, Campaign, Reading, ReferenceMoments, Run, Series, VibrationKind};
+use crate::identification::position;
+
+/// Radians in one second of arc.
+pub const ARCSEC_RAD: f64 = std::f64::consts::PI / 648_000.0;
+
+/// Conditions of one dial reading.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadingConditions {
+    /// Sequence number.
+    pub order: u64,
+    /// Time since the campaign's start, s.
+    pub time_s: f64,
+    /// Which axis lies along the head's.
+    pub series: Series,
+    /// Nominal dial angle, deg.
+    pub dial_deg: f64,
+    /// Sense in which the dial came to its mark.
+    pub approach: Approach,
+    /// Nominal specific force, g.
+    pub specific_force_g: SpecificForce<f64>,
+    /// Temperature, degrees Celsius.
+    pub temp_c: f64,
+    /// Derivative of a_I by the dial's angle, in units of gravity.
+    pub tangent: f64,
+}
+
+impl From<&Reading> for ReadingConditions {
+    fn from(reading: &Reading) -> Self {
+        Self {
+            order: reading.order,
+            time_s: reading.time_s,
+            series: reading.series,
+            dial_deg: reading.dial_deg,
+            approach: reading.approach,
+            specific_force_g: reading.specific_force_g,
+            temp_c: reading.temp_c,
+            tangent: reading.series.tangent(position(reading).phi_rad()).i,
+        }
+    }
+}
+
+/// Conditions of one shaker run.
+#[derive(Clone, Copy, Debug)]
+pub struct RunConditions {
+    /// Run number.
+    pub number: u64,
+    /// Time of the centre of the plateau before the vibration, s.
+    pub time_s: f64,
+    /// Kind of the vibration.
+    pub kind: VibrationKind,
+    /// Unit vector of the commanded motion.
+    pub direction: [f64; 3],
+    /// Commanded level, g: peak of a sine, rms of a random vibration.
+    pub level_g: f64,
+    /// Edges of the band, Hz; a sine's frequency twice.
+    pub band_hz: [f64; 2],
+    /// Gravity on the axes, g.
+    pub specific_force_g: SpecificForce<f64>,
+    /// Temperature, degrees Celsius.
+    pub temp_c: f64,
+    /// Length of the vibration, s.
+    pub duration_s: f64,
+    /// Whether the run was made.
+    pub made: bool,
+    /// Whether a reference reported the record's third and fourth moments.
+    pub shape_seen: bool,
+}
+
+impl From<&Run> for RunConditions {
+    fn from(run: &Run) -> Self {
+        Self {
+            number: run.run,
+            time_s: run.time_s,
+            kind: run.kind,
+            direction: run.direction,
+            level_g: run.level_g,
+            band_hz: run.band_hz,
+            specific_force_g: run.specific_force_g,
+            temp_c: run.temp_c,
+            duration_s: run.duration_s,
+            made: run.measured.is_some(),
+            shape_seen: run.reference.is_some(),
+        }
+    }
+}
+
+impl RunConditions {
+    /// Mean square of the commanded motion, all axes together, g^2.
+    pub fn mean_square_g2(&self) -> f64 {
+        let square = self.level_g * self.level_g;
+        match self.kind {
+            VibrationKind::Sine => 0.5 * square,
+            VibrationKind::Random => square,
+        }
+    }
+
+    /// Middle of the band, Hz: the geometric mean of its edges.
+    pub fn centre_hz(&self) -> f64 {
+        (self.band_hz[0] * self.band_hz[1]).sqrt()
+    }
+}
+
+/// What other instruments than the one under test saw of each run: the table's reference, and the peak detector at the
+/// output. They are handed to an effect explicitly, since no effect may look at what it is to explain.
+#[derive(Clone, Debug)]
+pub struct Witnesses {
+    /// Least and greatest output, g.
+    pub extremes_g: Vec<Option<[f64; 2]>>,
+    /// The reference's moments.
+    pub reference: Vec<Option<ReferenceMoments>>,
+    /// Relative standard uncertainty of the reference's rms.
+    pub reference_rel_sigma: f64,
+    /// Relative excess of a sine's mean square that the reference saw over the command's.
+    pub power_excess: f64,
+}
+
+impl Witnesses {
+    /// Of runs in the order of time, outputs divided by a scale factor.
+    pub fn new(campaign: &Campaign, runs: &[&Run], scale_v_per_g: f64) -> Self {
+        let extremes_g = |run: &&Run| {
+            let extremes = run.measured?.extremes?;
+            Some(
+                [extremes.minimum_v, extremes.maximum_v].map(|extreme_v| extreme_v / scale_v_per_g),
+            )
+        };
+        let shaker = campaign.config.shaker.as_ref();
+        let reference_rel_sigma = shaker.map_or(0.0, |s| s.reference_rms_rel_sigma);
+        Self {
+            extremes_g: runs.iter().map(extremes_g).collect(),
+            reference: runs.iter().map(|run| run.reference).collect(),
+            reference_rel_sigma,
+            power_excess: power_excess(runs, reference_rel_sigma),
+        }
+    }
+}
+
+/// What effects may look at.
+#[derive(Clone, Debug)]
+pub struct Conditions {
+    /// Dial readings.
+    pub readings: Rc<[ReadingConditions]>,
+    /// Runs, those to be predicted included, in the order of time.
+    pub runs: Rc<[RunConditions]>,
+    /// Their motion: as commanded, or as another effect of the hypothesis has changed it.
+    pub motions: Vec<Motion>,
+    /// Tables for time means.
+    pub averages: Rc<Averages>,
+    /// Their bands.
+    pub bands: Rc<Bands>,
+    /// Coefficients that the nominal model is believed to have.
+    pub coefficients: Coefficients<f64>,
+    /// Largest magnitude of each run's vibration along IA, g.
+    pub peaks_g: Rc<[f64]>,
+    /// Local gravity, g.
+    pub gravity_g: f64,
+    /// Reference temperature, degrees Celsius.
+    pub reference_temp_c: f64,
+    /// The logger's rate, Hz.
+    pub logger_rate_hz: f64,
+}
+
+impl Conditions {
+    /// Of a campaign's readings and of runs in the order of time, moving as commanded.
+    pub fn new(campaign: &Campaign, runs: &[&Run], coefficients: Coefficients<f64>) -> Self {
+        let readings: Rc<[_]> = campaign
+            .readings
+            .iter()
+            .map(ReadingConditions::from)
+            .collect();
+        let motion = |run: &&Run| Motion::commanded(&(*run).into(), run.reference.as_ref());
+        let conditions: Rc<[RunConditions]> = runs.iter().map(|run| (*run).into()).collect();
+        let bench = &campaign.config.bench;
+        Self {
+            motions: runs.iter().map(motion).collect(),
+            averages: Rc::new(Averages::new(&conditions)),
+            bands: Rc::new(Bands::new(&conditions)),
+            readings,
+            runs: conditions,
+            coefficients,
+            peaks_g: Rc::new([]),
+            gravity_g: bench.local_gravity_g,
+            reference_temp_c: bench.reference_temp_c,
+            logger_rate_hz: campaign.config.acquisition.sample_rate_hz,
+        }
+    }
+
+    /// Believes these coefficients, and the peaks that follow from them.
+    pub fn linearise_about(&mut self, coefficients: Coefficients<f64>, witnesses: &Witnesses) {
+        self.coefficients = coefficients;
+        let runs = self.runs.iter().zip(&witnesses.extremes_g);
+        self.peaks_g = runs
+            .map(|(run, ends)| peak_g(run, *ends, &coefficients))
+            .collect();
+    }
+}
+
+/// The reference's rms over the commanded level on each axis, with the sign of the motion.
+pub fn seen_ratios(run: &RunConditions, seen: Option<&ReferenceMoments>) -> Option<[f64; 3]> {
+    let seen = seen?;
+    let level = match run.kind {
+        VibrationKind::Sine => run.level_g * std::f64::consts::FRAC_1_SQRT_2,
+        VibrationKind::Random => run.level_g,
+    };
+    if level <= 0.0 {
+        return None;
+    }
+    let main = main_axis(&run.direction);
+    // Which correlation ties an axis to the main one.
+    let pair = [[3, 0, 1], [0, 3, 2], [1, 2, 3]][main];
+    let sign = run.direction[main].signum();
+    let mut ratios = [0.0; 3];
+    for axis in 0..3 {
+        let with_main = match (axis == main, &seen.correlation) {
+            (true, _) => 1.0,
+            (false, Some(correlation)) => correlation[pair[axis]],
+            (false, None) => (run.direction[axis] * run.direction[main]).signum(),
+        };
+        ratios[axis] = sign * with_main.signum() * seen.rms_g[axis] / level;
+    }
+    Some(ratios)
+}
+
+/// Mean square that the reference saw along the main axis over the command's, less 1; zero within four of its sigmas.
+fn power_excess(runs: &[&Run], relative: f64) -> f64 {
+    let of_kind = runs.iter().filter(|run| run.kind == VibrationKind::Sine);
+    let excess: Vec<f64> = of_kind
+        .filter_map(|run| {
+            let main = main_axis(&run.direction);
+            let ratios = seen_ratios(&(*run).into(), run.reference.as_ref())?;
+            Some((ratios[main] / run.direction[main]).powi(2) - 1.0)
+        })
+        .collect();
+    let mean = excess.iter().sum::<f64>() / excess.len().max(1) as f64;
+    let sigma = 2.0 * relative / (excess.len().max(1) as f64).sqrt();
+    if mean.abs() > 4.0 * sigma { mean } else { 0.0 }
+}
+
+/// Cosine of the angle between motion and IA below which the output's extremes do not tell the motion.
+const LEAST_COSINE: f64 = 0.05;
+/// Peak over rms of a random record without a peak detector: the expected maximum of some 1e4 independent values.
+const CREST: f64 = 4.0;
+
+/// Largest magnitude of a run's vibration along IA, g: the excursion that gives the output's extremes.
+fn peak_g(
+    run: &RunConditions,
+    extremes_g: Option<[f64; 2]>,
+    coefficients: &Coefficients<f64>,
+) -> f64 {
+    let Some([least, most]) = extremes_g.filter(|_| run.direction[0].abs() >= LEAST_COSINE) else {
+        let commanded = (run.direction[0] * run.level_g).abs();
+        return match run.kind {
+            VibrationKind::Sine => commanded,
+            VibrationKind::Random => CREST * commanded,
+        };
+    };
+    let rest = run.specific_force_g;
+    let [i, p, o] = run.direction.map(|cosine| cosine / run.direction[0]);
+    let excursion = |extreme_g: f64| {
+        (0..4).fold(0.0, |w: f64, _| {
+            let force = SpecificForce::new(rest.i + i * w, rest.p + p * w, rest.o + o * w);
+            w + extreme_g - coefficients.output_g(force)
+        })
+    };
+    excursion(most).abs().max(excursion(least).abs())
+}
