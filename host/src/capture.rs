@@ -22,10 +22,10 @@ use crate::campaign::{
     Approach, Campaign, CampaignConfig, Measured, Reading, ReferenceMoments, Run, VibrationKind,
 };
 use crate::error::Error;
-use crate::identification;
 use crate::record::{self, RecordError, Tally, Writer};
 use crate::reduction::{Reduction, ReductionError, SegmentSums};
 use crate::source::FileSource;
+use crate::statics;
 
 /// The record's name in a campaign folder.
 pub const RECORD: &str = "record.vre";
@@ -336,7 +336,7 @@ pub(crate) fn position(reading: u32, dwell: &Dwell) -> message::Position {
 /// What a self-check has to know of a bench, in terms of the volts at the converter.
 pub(crate) fn set_up(config: &CampaignConfig) -> SetUp {
     SetUp {
-        bench: identification::bench(&config.bench),
+        bench: statics::bench(&config.bench),
         nominal_v_per_g: config.instrument.scale_factor_nominal_v_per_g / FRONT_END.divider,
         // The bench's reference is for vibration.
         reference_v_per_g: None,

@@ -9,12 +9,11 @@ pub mod configuration;
 pub mod diagnose;
 pub mod error;
 mod finite_record;
-pub mod identification;
+pub mod import;
 pub mod link;
 pub mod measure;
 pub mod output;
 pub mod paper;
-pub mod planning;
 pub mod prediction;
 pub mod quantity;
 pub mod record;
@@ -22,4 +21,9 @@ pub mod reduction;
 pub mod report;
 pub mod seal;
 pub mod source;
+pub mod statics;
 pub mod verification;
+
+// The paths that report, prediction and diagnosis still use.
+pub use statics as identification;
+pub use statics as planning;

@@ -16,7 +16,7 @@ use firmware::adc::registers::Config;
 use host::bench::board::VirtualBoard;
 use host::bench::converter::{Converter, Signal};
 use host::campaign::Campaign;
-use host::identification::{Method, identify};
+use host::statics::{Method, identify};
 use host::verification::verify;
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};

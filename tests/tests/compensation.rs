@@ -16,7 +16,7 @@ use host::bench::plan::Static;
 use host::bench::simulate::{Specification, VirtualBench};
 use host::configuration::configuration as configuration_of;
 use host::diagnose::diagnose;
-use host::identification::{Method, NAMES, identify};
+use host::statics::{Method, NAMES, identify};
 use shared::compensate::{CLAIMED_BAND, Mode, Quality, Source};
 use shared::model::{Coefficients, FURTHER, NOMINAL, SpecificForce};
 use shared::rectification::{Covariance, NOMINAL_RECTIFYING};

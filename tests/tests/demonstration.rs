@@ -5,8 +5,8 @@ use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Specification, VirtualBench};
 use host::capture::{Captured, capture_virtual};
-use host::identification::{Method, identify};
 use host::prediction::predict;
+use host::statics::{Method, identify};
 
 fn bench(seed: u64, runs: usize) -> VirtualBench {
     let specification = Specification::with_dial_sigma(5.8);

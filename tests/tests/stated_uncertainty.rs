@@ -4,9 +4,9 @@
 use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Simulation, Specification, VirtualBench};
-use host::identification::{Method, identify};
 use host::prediction::predict;
 use host::quantity::Quantity;
+use host::statics::{Method, identify};
 
 /// Campaigns of a static test alone.
 const STATIC_CAMPAIGNS: u64 = 300;

@@ -17,9 +17,9 @@ use crate::campaign::Campaign;
 use crate::configuration::configuration;
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::error::Error;
-use crate::identification::{Method, NAMES, identify};
 use crate::link::{Kept, Link};
 use crate::source::SerialSource;
+use crate::statics::{Method, NAMES, identify};
 
 /// Give an instrument the coefficients of a campaign to compensate its vibration error with, which it keeps; or show or erase
 /// what it keeps

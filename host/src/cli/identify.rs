@@ -9,7 +9,7 @@ use shared::model::NOMINAL;
 use super::{Command, Console};
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
+use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]

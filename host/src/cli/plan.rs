@@ -14,11 +14,11 @@ use super::identify::{condition, sum};
 use super::{Command, Console, positive};
 use crate::campaign::{Campaign, read_plan};
 use crate::error::Error;
-use crate::identification::{self, NAMES};
-use crate::planning::{
-    Assessment, Conditions, Environment, assess, best_plan, positions_to_add, twice_and_remounted,
-};
 use crate::prediction::DEFAULT_PRIOR_SIGMA;
+use crate::statics::{
+    self, Assessment, Conditions, Environment, NAMES, assess, best_plan, positions_to_add,
+    twice_and_remounted,
+};
 
 /// Tell what a plan of dial positions can and cannot tell: rank, blind directions, uncertainty of the predicted VRE
 #[derive(clap::Args)]
@@ -237,16 +237,12 @@ impl Plan {
             "full" => full_rank_plan().collect(),
             _ if path.is_dir() => {
                 let campaign = Campaign::read(path)?;
-                conditions.bench = identification::bench(&campaign.config.bench);
+                conditions.bench = statics::bench(&campaign.config.bench);
                 let k1 = campaign.config.instrument.scale_factor_nominal_v_per_g;
                 let n = campaign.readings.len() as f64;
                 conditions.noise_g =
                     campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1;
-                campaign
-                    .readings
-                    .iter()
-                    .map(identification::position)
-                    .collect()
+                campaign.readings.iter().map(statics::position).collect()
             }
             _ => read_plan(path)?,
         };

@@ -7,9 +7,9 @@ use super::{Command, Console};
 use crate::campaign::{Campaign, Run, read_runs};
 use crate::diagnose::{Diagnosis, predict_with_effects};
 use crate::error::Error;
-use crate::identification::scatter_warning;
 use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
 use crate::report;
+use crate::statics::scatter_warning;
 
 /// Predict the vibration error of shaker runs from the static test, and from static test and shaker together
 #[derive(clap::Args)]
