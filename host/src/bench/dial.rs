@@ -5,7 +5,6 @@
 //! the mount's uncertainty, one error per series and mount. The base is out of level by two angles common to
 //! everything: one adds to the dial's zero, the other lifts the axis of rotation out of the horizontal.
 
-use super::effects::Effect;
 use super::noise::Seed;
 use super::plan::Dwell;
 use crate::campaign::Series;
@@ -65,26 +64,33 @@ impl Head {
         [(); 2].map(|()| self.specification.level_sigma_arcsec * stream.normal())
     }
 
-    /// The specific force on IA, PA, OA in units of local gravity at a dwell, number `order` of the campaign.
-    pub fn specific_force(
-        &self,
-        dwell: &Dwell,
-        order: u64,
-        effects: &[Box<dyn Effect>],
-    ) -> [f64; 3] {
-        let [mut zero, mut lift] = self.tilts_arcsec().map(|tilt| tilt * ARCSEC_RAD);
+    /// The head as it really stands at a dwell, number `order` of the campaign.
+    pub fn setting(&self, dwell: &Dwell, order: u64) -> Setting {
         let repeat = self.seed.stream("dial repeatability", order).normal();
-        let mut error = ARCSEC_RAD
-            * (self.mark_error_arcsec(dwell.dial_deg)
-                + self.mount_error_arcsec(dwell.series, dwell.mount_deg)
-                + self.specification.repeat_sigma_arcsec * repeat);
-        for effect in effects {
-            error += effect.dial_error_rad(dwell);
-            let tilts = effect.base_tilt_rad();
-            zero += tilts[0];
-            lift += tilts[1];
+        let error_arcsec = self.mark_error_arcsec(dwell.dial_deg)
+            + self.mount_error_arcsec(dwell.series, dwell.mount_deg)
+            + self.specification.repeat_sigma_arcsec * repeat;
+        Setting {
+            error_rad: ARCSEC_RAD * error_arcsec,
+            tilts_rad: self.tilts_arcsec().map(|tilt| tilt * ARCSEC_RAD),
         }
-        let angle = (dwell.dial_deg + dwell.mount_deg).to_radians() + error + zero;
+    }
+}
+
+/// How far a head stands off the nominal attitude of a dwell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    /// Of the instrument's angle, rad: mark, mount and repeatability.
+    pub error_rad: f64,
+    /// Of the base, rad: the tilt that adds to the dial's zero, the tilt that lifts the axis of rotation.
+    pub tilts_rad: [f64; 2],
+}
+
+impl Setting {
+    /// The specific force on IA, PA, OA at a dwell, in units of local gravity.
+    pub fn specific_force(&self, dwell: &Dwell) -> [f64; 3] {
+        let [zero, lift] = self.tilts_rad;
+        let angle = (dwell.dial_deg + dwell.mount_deg).to_radians() + self.error_rad + zero;
         attitude(dwell.series, angle, lift)
     }
 }
@@ -159,7 +165,8 @@ mod tests {
         // Two settings of one mark differ by their repeatability alone, sqrt 2 times 0.5 arcsec.
         let at = dwell(Series::OutputAxis, 90.0, 0.0);
         let settings = collect(&|head| {
-            let [first, second] = [1, 2].map(|order| head.specific_force(&at, order, &[])[0]);
+            let [first, second] =
+                [1, 2].map(|order| head.setting(&at, order).specific_force(&at)[0]);
             (first - second) / ARCSEC_RAD
         });
         assert_sigma(&settings, 0.5 * 2.0_f64.sqrt());
@@ -172,12 +179,13 @@ mod tests {
             ..SPECIFICATION
         };
         let head = Head::new(exact, Seed(5));
-        let ccw = head.specific_force(&dwell(Series::OutputAxis, 90.0, 0.0), 0, &[]);
+        let force = |dwell: &Dwell, order| head.setting(dwell, order).specific_force(dwell);
+        let ccw = force(&dwell(Series::OutputAxis, 90.0, 0.0), 0);
         let cw = Dwell {
             approach: Approach::Clockwise,
             ..dwell(Series::PendulousAxis, 450.0, 0.0)
         };
-        let cw = head.specific_force(&cw, 7, &[]);
+        let cw = force(&cw, 7);
         assert!((ccw[0] - cw[0]).abs() < 1e-15);
     }
 }
