@@ -9,6 +9,7 @@ pub mod configuration;
 pub mod diagnose;
 pub mod error;
 mod finite_record;
+pub mod front_end;
 pub mod import;
 pub mod link;
 pub mod measure;

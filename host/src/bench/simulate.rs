@@ -221,6 +221,8 @@ impl VirtualBench {
             },
             Acquisition {
                 sample_rate_hz: self.specification.logger_rate_hz,
+                divider: None,
+                gain: None,
                 unknown: Default::default(),
             },
             Some(crate::campaign::Shaker {
