@@ -217,8 +217,9 @@ fn readings_are_volts_at_the_instruments_output_by_the_front_end_of_its_own_benc
         // At 0 and at 45 deg of series 1.
         let expected_v = if front_end.is_empty() { 1.1 } else { 1.2 };
         for (reading, a_i) in campaign.readings.iter().zip([-1.0, -0.5_f64.sqrt()]) {
+            // The dial moves as the reading begins: one or two of its 800 conversions are still of the position before.
             let output_v = reading.output_v;
-            assert!((output_v - expected_v * a_i).abs() < 1e-4, "{output_v}");
+            assert!((output_v - expected_v * a_i).abs() < 4e-3, "{output_v}");
         }
     }
     Ok(())
