@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde::Serialize;
 use shared::compensate::{self, Calibration};
-use shared::model::FURTHER;
+use shared::model::FURTHER_NAMES;
 use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
 use shared::wire::configuration::Configuration;
 use shared::wire::message::StoreFault;
@@ -60,9 +60,6 @@ pub struct Configure {
     #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = positive)]
     reference: f64,
 }
-
-/// Names of the further coefficients, as [`NAMES`] has those of the nominal ones.
-const FURTHER_NAMES: [&str; FURTHER] = ["k5", "K0_prime", "Koq", "Kpp", "Koo"];
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Mode {
