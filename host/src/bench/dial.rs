@@ -1,16 +1,15 @@
 //! The dividing head on its base: from a nominal attitude to the specific force the instrument really feels.
 //!
 //! Each mark of the dial has an error of its own, the same in every series, mount and sense of approach; each
-//! setting repeats it within the head's repeatability. A remounted instrument sits at an angle known only to
-//! the mount's uncertainty, one error per series and mount. The base is out of level by two angles common to
+//! setting repeats it within the head's repeatability. A mounted instrument sits at an angle known only to
+//! the mount's uncertainty, one error per series and mount, the first one too. The base is out of level by two angles common to
 //! everything: one adds to the dial's zero, the other lifts the axis of rotation out of the horizontal.
+
+use shared::tumble::ARCSEC_RAD;
 
 use super::noise::Seed;
 use super::plan::Dwell;
 use crate::campaign::Series;
-
-/// Radians in one second of arc.
-pub const ARCSEC_RAD: f64 = std::f64::consts::PI / 648_000.0;
 
 /// Standard uncertainties of a head and its base, arcsec.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +18,7 @@ pub struct HeadSpecification {
     pub dial_sigma_arcsec: f64,
     /// Of one setting to a mark.
     pub repeat_sigma_arcsec: f64,
-    /// Of a remounting angle.
+    /// Of the angle at which the instrument is mounted.
     pub mount_sigma_arcsec: f64,
     /// Of each of the base's two tilts.
     pub level_sigma_arcsec: f64,
@@ -47,15 +46,10 @@ impl Head {
         self.specification.dial_sigma_arcsec * self.seed.stream("dial mark", mark).normal()
     }
 
-    /// Error of the instrument's angle on the shaft, arcsec; none as first mounted, which defines it.
+    /// Error of the instrument's angle on the shaft, arcsec: one for each series and mount, the first one too.
     pub fn mount_error_arcsec(&self, series: Series, mount_deg: f64) -> f64 {
-        match arcseconds(mount_deg) {
-            0 => 0.0,
-            mount => {
-                let index = mount + ((series as u64) << 32);
-                self.specification.mount_sigma_arcsec * self.seed.stream("mount", index).normal()
-            }
-        }
+        let index = arcseconds(mount_deg) + ((series as u64) << 32);
+        self.specification.mount_sigma_arcsec * self.seed.stream("mount", index).normal()
     }
 
     /// The base's two tilts, arcsec: of the dial's zero, and of the axis of rotation.
@@ -160,6 +154,10 @@ mod tests {
             &collect(&|head| head.mount_error_arcsec(Series::PendulousAxis, 180.0)),
             60.0,
         );
+        assert_sigma(
+            &collect(&|head| head.mount_error_arcsec(Series::OutputAxis, 0.0)),
+            60.0,
+        );
         assert_sigma(&collect(&|head| head.tilts_arcsec()[0]), 3.0);
         assert_sigma(&collect(&|head| head.tilts_arcsec()[1]), 3.0);
         // Two settings of one mark differ by their repeatability alone, sqrt 2 times 0.5 arcsec.
@@ -176,6 +174,7 @@ mod tests {
     fn a_mark_errs_alike_in_every_series_and_approach() {
         let exact = HeadSpecification {
             repeat_sigma_arcsec: 0.0,
+            mount_sigma_arcsec: 0.0,
             ..SPECIFICATION
         };
         let head = Head::new(exact, Seed(5));
