@@ -7,7 +7,7 @@ use std::str::FromStr;
 use serde::Serialize;
 use shared::identify::static_test::Bench;
 use shared::model::{NOMINAL, SpecificForce};
-use shared::tumble::{Position, full_rank_plan, paper_plan};
+use shared::tumble::{ARCSEC_RAD, Position, full_rank_plan, paper_plan};
 use shared::vibration::{Harmonic, Moments, Random};
 
 use super::identify::{condition, sum};
@@ -218,7 +218,7 @@ impl Command for Plan {
 
 impl Plan {
     fn plan_and_conditions(&self) -> Result<(Vec<Position>, Conditions), Error> {
-        let arcsec = |angle: f64| (angle / 3600.0).to_radians();
+        let arcsec = |angle: f64| angle * ARCSEC_RAD;
         let dial_sigma_rad = arcsec(self.dial_sigma.unwrap_or(5.8));
         let mut conditions = Conditions {
             bench: Bench {
@@ -293,9 +293,13 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         condition(plan.condition)
     );
     for direction in &plan.blind_directions {
-        let _ = writeln!(text, "BLIND along {}: no reading sees it.", sum(direction));
+        let _ = writeln!(
+            text,
+            "BLIND along {}: the readings tell no more than the prior.",
+            sum(direction)
+        );
     }
-    let arcsec = |angle: f64| angle.to_degrees() * 3600.0;
+    let arcsec = |angle: f64| angle / ARCSEC_RAD;
     let b = &conditions.bench;
     let _ = writeln!(
         text,

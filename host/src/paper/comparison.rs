@@ -1,5 +1,6 @@
 //! What the tables say to each other: (9) from Table 1 against Table 2, `vre-paper/1`.
 
+use nalgebra::{Matrix3, RowVector3, Vector3};
 use serde::Serialize;
 use shared::identify::closed_form::paper_blind_direction;
 use shared::model::{Coefficients, SpecificForce};
@@ -97,22 +98,14 @@ fn comparison(row: &Published) -> Comparison {
     }
 }
 
-/// The weights that the three instruments together ask for, by Cramer's rule.
+/// The weights that the three instruments together ask for.
 pub fn weights() -> Weights {
-    let rows = TABLES.map(|row| even(&row.coefficients));
-    let determinant = |m: &[[f64; 3]; 3]| {
-        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1])
-            - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
-    };
-    let solve = |rhs: [f64; 3]| {
-        std::array::from_fn(|column| {
-            let mut replaced = rows;
-            for (row, value) in replaced.iter_mut().zip(rhs) {
-                row[column] = value;
-            }
-            determinant(&replaced) / determinant(&rows)
-        })
+    let rows = TABLES.map(|row| RowVector3::from(even(&row.coefficients)));
+    let solve = |vre_g: [f64; 3]| {
+        let weights = Matrix3::from_rows(&rows).lu().solve(&Vector3::from(vre_g));
+        weights
+            .expect("the three instruments of Table 1 differ")
+            .into()
     };
     Weights {
         equation_9: weights_of_9(),

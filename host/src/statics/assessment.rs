@@ -12,7 +12,7 @@ use shared::rectification::Sensitivity;
 use shared::tumble::Position;
 use shared::vibration::Moments;
 
-use super::coefficients::NAMES;
+use super::coefficients::{NAMES, blind_directions};
 use super::least_squares::Workspace;
 
 /// A vibration in which the error is to be predicted.
@@ -43,11 +43,11 @@ pub struct Conditions {
 pub struct Assessment {
     /// Number of readings.
     pub readings: usize,
-    /// Rank of the design matrix.
+    /// Number of directions that the readings determine beside the prior, 0 to 11.
     pub rank: usize,
-    /// Its condition number.
+    /// Condition number of the design matrix.
     pub condition: f64,
-    /// Unit directions in coefficient space that no reading sees.
+    /// Unit directions in coefficient space that the prior knows as well as the readings.
     pub blind_directions: Vec<BTreeMap<&'static str, f64>>,
     /// Standard uncertainty of each coefficient under its name; null where undetermined.
     pub coefficient_sigma: BTreeMap<&'static str, Option<f64>>,
@@ -82,7 +82,7 @@ pub fn assess(
     conditions: &Conditions,
     environments: &[Environment],
 ) -> Result<Assessment, StaticTestError> {
-    let fit = fit(plan, conditions, None)?;
+    let fit = fit(plan, conditions, false)?;
     let seen = &fit.visibility;
     let sigma = |k: usize| {
         seen.determines(k)
@@ -112,17 +112,7 @@ pub fn assess(
         readings: plan.len(),
         rank: seen.rank,
         condition: seen.condition.min(f64::MAX),
-        blind_directions: seen
-            .blind_directions()
-            .iter()
-            .map(|d| {
-                NAMES
-                    .into_iter()
-                    .zip(*d)
-                    .filter(|(_, c)| c.abs() > 1e-6)
-                    .collect()
-            })
-            .collect(),
+        blind_directions: blind_directions(seen),
         coefficient_sigma: NAMES
             .into_iter()
             .enumerate()
@@ -136,7 +126,7 @@ pub fn assess(
 pub(super) fn fit(
     plan: &[Position],
     conditions: &Conditions,
-    prior_sigma: Option<f64>,
+    with_prior: bool,
 ) -> Result<Fit<f64>, StaticTestError> {
     let mut workspace = Workspace::of(plan.iter().copied());
     let ideal = Coefficients::default();
@@ -149,6 +139,7 @@ pub(super) fn fit(
             sigma_v: conditions.noise_g,
         })?;
     }
-    test.solve(prior_sigma.map(|sigma| [sigma; NOMINAL]).as_ref())
+    // Blind is what the readings tell no better than the prior for which the plan is judged.
+    test.solve_beside(&[conditions.prior_sigma; NOMINAL], with_prior)
         .map_err(StaticTestError::Workspace)
 }

@@ -1,5 +1,8 @@
 //! Names of the coefficients, for programs and for people.
 
+use std::collections::BTreeMap;
+
+use shared::identify::blindness::Visibility;
 use shared::model::NOMINAL;
 
 /// Names of the coefficients with their units, in the order of
@@ -32,3 +35,12 @@ pub const MEANINGS: [&str; NOMINAL] = [
     "cross-coupling IA-OA",
     "cross-coupling PA-OA",
 ];
+
+/// The blind directions, each as the components that are not zero, by name.
+pub fn blind_directions(seen: &Visibility<f64>) -> Vec<BTreeMap<&'static str, f64>> {
+    let by_name = |direction: &[f64; NOMINAL]| {
+        let named = NAMES.into_iter().zip(*direction);
+        named.filter(|(_, component)| *component != 0.0).collect()
+    };
+    seen.blind_directions().iter().map(by_name).collect()
+}

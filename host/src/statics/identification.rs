@@ -9,7 +9,7 @@ use shared::model::{Coefficients, NOMINAL};
 use shared::rectification::Covariance;
 
 use super::closed_form;
-use super::coefficients::NAMES;
+use super::coefficients::{NAMES, blind_directions};
 use super::goodness::p_value;
 use super::least_squares::fit;
 use super::readings::position;
@@ -36,16 +36,16 @@ pub struct Identification {
     pub serial: String,
     /// How they were found.
     pub method: Method,
-    /// Each coefficient under its name in [`NAMES`]; null where the plan does not determine it.
+    /// Each coefficient under its name in [`NAMES`]; null where the readings do not determine it.
     #[serde(serialize_with = "by_name")]
     pub coefficients: [Quantity; NOMINAL],
-    /// Covariance in the order of [`NAMES`]; zero along blind directions.
+    /// Covariance in the order of [`NAMES`]; without a prior zero along blind directions.
     pub covariance: [[f64; NOMINAL]; NOMINAL],
-    /// Rank of the plan's design matrix.
+    /// Number of directions that the readings determine beside what is known beforehand, 0 to 11.
     pub rank: usize,
-    /// Its condition number; beyond 1e12 for a plan of deficient rank.
+    /// Condition number of the plan's design matrix; beyond 1e12 for positions of deficient rank.
     pub condition: f64,
-    /// Unit directions in coefficient space that no reading sees, the components that are not zero.
+    /// Unit directions in coefficient space that are blind, the components that are not zero.
     pub blind_directions: Vec<BTreeMap<&'static str, f64>>,
     /// Sum of squared whitened residuals; absent with the closed formulas, which have none.
     pub chi2: Option<f64>,
@@ -110,13 +110,6 @@ impl Identification {
                 Quantity::UNDETERMINED
             }
         });
-        let blind_directions = fit.visibility.blind_directions().iter().map(|direction| {
-            NAMES
-                .into_iter()
-                .zip(*direction)
-                .filter(|(_, c)| c.abs() > 1e-6)
-                .collect()
-        });
         Self {
             format: "vre-identification/1",
             serial: campaign.config.instrument.serial.clone(),
@@ -126,7 +119,7 @@ impl Identification {
             rank: fit.visibility.rank,
             // JSON has no infinity.
             condition: fit.visibility.condition.min(f64::MAX),
-            blind_directions: blind_directions.collect(),
+            blind_directions: blind_directions(&fit.visibility),
             chi2: Some(fit.chi2),
             dof: fit.degrees_of_freedom(),
             chi2_p_value: p_value(fit),

@@ -64,12 +64,26 @@ pub fn fit(campaign: &Campaign, prior_sigma: Option<f64>) -> Result<Fit<f64>, Er
             "static.csv has {count} readings, the model {NOMINAL} coefficients"
         )));
     }
-    two_passes(campaign, prior_sigma).map_err(|error| {
+    let undetermined = |problem: &dyn std::fmt::Display| {
         Error::Usage(format!(
-            "static.csv does not determine the coefficients: {error}"
+            "static.csv does not determine the coefficients: {problem}"
         ))
-    })
+    };
+    let fit = two_passes(campaign, prior_sigma).map_err(|error| undetermined(&error))?;
+    let nominal = campaign.config.instrument.scale_factor_nominal_v_per_g;
+    let found = fit.coefficients.scale_factor_v_per_g;
+    if (found / nominal - 1.0).abs() <= MAX_SCALE_ERROR {
+        Ok(fit)
+    } else {
+        Err(undetermined(&format_args!(
+            "they would make K1 {found:.3e} V/g, far from the nominal {nominal} V/g"
+        )))
+    }
 }
+
+/// Relative error of the type's scale factor beyond which a fit is no measurement: twice what the tables let pass as an
+/// output of the instrument.
+const MAX_SCALE_ERROR: f64 = 0.5;
 
 fn two_passes(campaign: &Campaign, prior_sigma: Option<f64>) -> Result<Fit<f64>, StaticTestError> {
     let mut workspace = Workspace::of(campaign.readings.iter().map(position));

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use shared::identify::blindness::Design;
 use shared::identify::square_root::FactorError;
 use shared::identify::static_test::StaticTestError;
 use shared::model::NOMINAL;
@@ -71,7 +72,7 @@ pub fn best_plan(
     let candidates = candidates(&[0.0, 180.0]);
     let all_coefficients = |plan: &[Position]| variance(plan, conditions, trace);
     let mut base = Vec::new();
-    while base.len() < NOMINAL || fit(&base, conditions, None)?.visibility.rank < NOMINAL {
+    while base.len() < NOMINAL || (base.len() < readings && geometric_rank(&base) < NOMINAL) {
         let (_, position) = best_addition(&mut base, &candidates, all_coefficients)?;
         base.push(position);
         step();
@@ -99,6 +100,13 @@ pub fn best_plan(
             .unwrap_or(std::cmp::Ordering::Equal)
     });
     Ok(plan)
+}
+
+/// Rank of the positions, whatever the errors of a reading.
+fn geometric_rank(plan: &[Position]) -> usize {
+    let mut design = Design::default();
+    plan.iter().for_each(|p| design.absorb(p.specific_force()));
+    design.visibility().rank
 }
 
 /// Every position at multiples of 15 and of 22.5 deg, in three series, for the given mounts (deg).
@@ -158,7 +166,7 @@ fn variance(
     conditions: &Conditions,
     figure: impl Fn(&[[f64; NOMINAL]; NOMINAL]) -> f64,
 ) -> Result<f64, StaticTestError> {
-    match fit(plan, conditions, Some(conditions.prior_sigma)) {
+    match fit(plan, conditions, true) {
         Err(StaticTestError::Workspace(FactorError::Undetermined { .. })) => Ok(f64::INFINITY),
         fit => Ok(figure(&fit?.covariance)),
     }
@@ -178,7 +186,7 @@ mod tests {
     use shared::vibration::{Harmonic, Random};
 
     fn conditions() -> Conditions {
-        let arcsec = |angle: f64| (angle / 3600.0).to_radians();
+        let arcsec = |angle: f64| angle * shared::tumble::ARCSEC_RAD;
         Conditions {
             bench: Bench {
                 dial_sigma_rad: arcsec(5.8),

@@ -1,13 +1,13 @@
 //! A campaign's static readings in the terms of the identification.
 
 use shared::identify::static_test::Bench;
-use shared::tumble::Position;
+use shared::tumble::{ARCSEC_RAD, Position};
 
 use crate::campaign;
 
 /// The bench of the campaign in radians.
 pub fn bench(bench: &campaign::Bench) -> Bench<f64> {
-    let arcsec = |angle: f64| (angle / 3600.0).to_radians();
+    let arcsec = |angle: f64| angle * ARCSEC_RAD;
     Bench {
         dial_sigma_rad: arcsec(bench.dial_sigma_arcsec),
         dial_repeat_sigma_rad: arcsec(bench.dial_repeat_sigma_arcsec),
