@@ -13,9 +13,9 @@ use shared::vibration::{Harmonic, Moments};
 use crate::campaign::{Campaign, Run, VibrationKind};
 use crate::error::Error;
 use crate::forward::finite_record::unseen_variance_g2;
-use crate::identification::{fit, p_value};
 use crate::quantity::Quantity;
 use crate::refit::predict_refitted;
+use crate::statics::{fit, p_value};
 
 /// Standard deviation about zero that a prediction takes for each coefficient but K1 (in its own unit) when the static
 /// plan leaves some of them undetermined: about the root mean square of k1', k2, k3 and k4 in the paper's Table 1.

@@ -12,9 +12,9 @@ use shared::wire::message::{Event, Identity, Segment};
 use crate::campaign::Campaign;
 use crate::capture::RECORD;
 use crate::error::Error;
-use crate::identification;
 use crate::record::{self, RecordError};
 use crate::source::FileSource;
+use crate::statics;
 
 /// Largest difference between instrument and host that is rounding, relative to the coefficient, or to 1e-3 for smaller
 /// ones.
@@ -78,7 +78,7 @@ pub fn verify(folder: &Path) -> Result<Verification, Error> {
             return Err(missing(&format!("blocks of reading {}", reading.order)));
         };
         // What the instrument has no room for does not count here either.
-        let _ = check.absorb(identification::position(reading), sums, v_per_code);
+        let _ = check.absorb(statics::position(reading), sums, v_per_code);
     }
     let host = check
         .conclude(&Limits::default(), None, 0)

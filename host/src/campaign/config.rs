@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Place, Problem};
+use crate::front_end::FrontEnd;
 use crate::output::write_file;
 
 const FORMAT: &str = "vre-campaign/1";
@@ -73,9 +74,40 @@ pub struct Bench {
 pub struct Acquisition {
     /// Sample rate, Hz.
     pub sample_rate_hz: f64,
+    /// The instrument's output is divided by this before the converter, > 0; not at all if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub divider: Option<f64>,
+    /// And amplified by this, > 0; not at all if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
     /// Keys that mean nothing to us, kept.
     #[serde(flatten)]
     pub unknown: toml::Table,
+}
+
+impl Acquisition {
+    /// What lies between instrument and converter.
+    pub fn front_end(&self) -> FrontEnd {
+        let none = FrontEnd::default();
+        FrontEnd {
+            divider: self.divider.unwrap_or(none.divider),
+            gain: self.gain.unwrap_or(none.gain),
+        }
+    }
+
+    /// States what lies between instrument and converter.
+    pub fn with_front_end(self, front_end: FrontEnd) -> Self {
+        Self {
+            divider: Some(front_end.divider),
+            gain: Some(front_end.gain),
+            ..self
+        }
+    }
+
+    /// Whether a divider or a gain is stated.
+    pub fn states_front_end(&self) -> bool {
+        self.divider.is_some() || self.gain.is_some()
+    }
 }
 
 /// The shaker's reference accelerometer.
@@ -178,6 +210,7 @@ impl CampaignConfig {
         if self.instrument.serial.trim().is_empty() {
             return fail("serial", Problem::Empty);
         }
+        let front_end = self.acquisition.front_end();
         let positive = [
             (
                 "scale_factor_nominal_v_per_g",
@@ -185,6 +218,8 @@ impl CampaignConfig {
             ),
             ("full_scale_g", self.instrument.full_scale_g),
             ("sample_rate_hz", self.acquisition.sample_rate_hz),
+            ("divider", front_end.divider),
+            ("gain", front_end.gain),
         ];
         for (key, value) in positive {
             if !value.is_finite() {

@@ -23,8 +23,8 @@ pub use shared::tumble::Series;
 pub use static_table::{Approach, Reading, read_plan};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
 pub use vibration_table::{
-    DETECTOR_REL_ERROR, Extremes, Measured, ReferenceMoments, Run, VibrationKind, read_runs,
-    write_runs,
+    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, DETECTOR_REL_ERROR, Extremes, Measured,
+    ReferenceMoments, Run, VibrationKind, read_runs, write_runs,
 };
 
 use crate::error::{Error, Problem};

@@ -107,6 +107,11 @@ pub struct ReferenceMoments {
     pub correlation: Option<[f64; 3]>,
 }
 
+/// From the centre of the plateau before a vibration to the centre of the vibration, s.
+pub const BEFORE_TO_DURING_S: f64 = 20.0;
+/// From the centre of the plateau before a vibration to that of the plateau after it, s.
+pub const BEFORE_TO_AFTER_S: f64 = 40.0;
+
 /// Largest skewness or kurtosis that is taken for a record's.
 const MAX_SHAPE: f64 = 1e4;
 

@@ -11,7 +11,7 @@ use crate::campaign::{Campaign, Measured, Run, VibrationKind};
 use crate::forward::conditions::{ARCSEC_RAD, RunConditions, seen_ratios};
 use crate::forward::contribution::{Contribution, Layout, Observable};
 use crate::forward::motion::main_axis;
-use crate::identification::position;
+use crate::statics::position;
 
 /// Relative standard uncertainty of the peak detector's excursion, and of what small motions inside the instrument
 /// add to it.

@@ -101,6 +101,7 @@ impl Capture {
             Duration::try_from_secs_f64(seconds)
                 .map_err(|_| Error::Usage(format!("{option} {seconds}: is too long")))
         };
+        console.print(front_end(&config, bench))?;
         let temp_c = self.temp_c.unwrap_or(config.bench.reference_temp_c);
         if !temp_c.is_finite() {
             return Err(Error::Usage(format!("--temp-c {temp_c}: is not finite")));
@@ -126,6 +127,18 @@ impl Capture {
         ))?;
         console.json(tally)
     }
+}
+
+/// One line on what lies between instrument and converter, and where that is stated.
+fn front_end(config: &CampaignConfig, file: &Path) -> String {
+    let acquisition = &config.acquisition;
+    let stated = if acquisition.states_front_end() {
+        "as stated in"
+    } else {
+        "no divider or gain is stated in"
+    };
+    let front_end = acquisition.front_end();
+    format!("front end: {front_end} ({stated} {})", file.display())
 }
 
 /// The person at the terminal.

@@ -6,20 +6,20 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde::Serialize;
 use shared::compensate::{self, Calibration};
-use shared::model::FURTHER;
+use shared::model::FURTHER_NAMES;
 use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
 use shared::wire::configuration::Configuration;
 use shared::wire::message::StoreFault;
 
 use super::{Command, Console, positive};
-use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
 use crate::configuration::configuration;
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::error::Error;
-use crate::identification::{Method, NAMES, identify};
+use crate::front_end::FrontEnd;
 use crate::link::{Kept, Link};
 use crate::source::SerialSource;
+use crate::statics::{Method, NAMES, identify};
 
 /// Give an instrument the coefficients of a campaign to compensate its vibration error with, which it keeps; or show or erase
 /// what it keeps
@@ -52,16 +52,14 @@ pub struct Configure {
     /// Conversions in a block: 40 are a hundred blocks a second at 4 kSPS
     #[arg(long, value_name = "N", default_value_t = 40)]
     block: u16,
-    /// Volts of the instrument's output over those at the converter
-    #[arg(long, value_name = "RATIO", default_value_t = 10.0, value_parser = positive)]
-    divider: f64,
+    /// Volts of the instrument's output over those at the converter [default: divider over gain of campaign.toml, 1 where
+    /// it states neither]
+    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    divider: Option<f64>,
     /// Scale of the reference at the converter, V/g
     #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = positive)]
     reference: f64,
 }
-
-/// Names of the further coefficients, as [`NAMES`] has those of the nominal ones.
-const FURTHER_NAMES: [&str; FURTHER] = ["k5", "K0_prime", "Koq", "Kpp", "Koo"];
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Mode {
@@ -84,15 +82,23 @@ struct Shown {
 }
 
 impl Configure {
-    fn wanted(&self, campaign: &Path) -> Result<Configuration, Error> {
+    /// What the instrument is to have, and a line on the front end that it is reckoned with.
+    fn wanted(&self, campaign: &Path) -> Result<(Configuration, String), Error> {
         let campaign = Campaign::read(campaign)?;
         let known = match &self.diagnosis {
             Some(file) => diagnosed(file, &campaign)?,
             None => identify(&campaign, Method::LeastSquares, None)?.calibration(),
         };
-        let front_end = FrontEnd {
-            divider: self.divider,
-            reference_v_per_g: self.reference,
+        let acquisition = &campaign.config.acquisition;
+        let (front_end, stated) = match self.divider {
+            Some(divider) => (FrontEnd { divider, gain: 1.0 }, "as --divider says"),
+            None if acquisition.states_front_end() => {
+                (acquisition.front_end(), "as campaign.toml states")
+            }
+            None => (
+                acquisition.front_end(),
+                "campaign.toml states no divider or gain; see --divider",
+            ),
         };
         let mode = match self.mode {
             Mode::Block => compensate::Mode::Block,
@@ -102,9 +108,9 @@ impl Configure {
             Source::Reference => compensate::Source::Reference,
             Source::Instrument => compensate::Source::Instrument,
         };
-        let wanted = configuration(&known, &front_end, mode, source, self.block);
+        let wanted = configuration(&known, &front_end, self.reference, mode, source, self.block);
         if wanted.is_possible() {
-            Ok(wanted)
+            Ok((wanted, format!("front end: {front_end} ({stated})")))
         } else {
             let line = "no instrument can compensate with this: a block has at least 4 conversions, K1 is positive";
             Err(Error::Usage(line.into()))
@@ -151,6 +157,13 @@ impl Command for Configure {
             .as_deref()
             .map(|c| self.wanted(c))
             .transpose()?;
+        let wanted = match wanted {
+            None => None,
+            Some((wanted, front_end)) => {
+                console.print(front_end)?;
+                Some(wanted)
+            }
+        };
         let mut link = Link::unrecorded(SerialSource::open(&self.port)?)?;
         let kept = match (wanted, self.erase) {
             (None, false) => link.ask_configuration()?,

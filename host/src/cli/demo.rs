@@ -11,9 +11,9 @@ use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
 use crate::capture::{self, Captured};
 use crate::error::Error;
-use crate::identification::NAMES;
 use crate::output::write_json;
 use crate::report::{self, Report};
+use crate::statics::NAMES;
 
 /// Runs of the demonstration: what the converter passes whole at 4 kSPS.
 const HIGHEST_HZ: f64 = 480.0;

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
 use super::{Command, Console};
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
+use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]
@@ -70,8 +71,8 @@ fn text(found: &Identification) -> String {
     for direction in &found.blind_directions {
         let _ = writeln!(
             text,
-            "BLIND: no reading of this plan sees the direction {}. Predicted vibration errors along it rest on \
-             an assumption; `vre plan` tells which positions to add.",
+            "BLIND: the readings do not determine the direction {} beside what is known beforehand. Predicted vibration \
+             errors along it rest on an assumption; `vre plan` tells which positions to add.",
             sum(direction)
         );
     }
@@ -93,7 +94,7 @@ pub fn sum(direction: &BTreeMap<&str, f64>) -> String {
 
 /// A condition number for people.
 pub fn condition(condition: f64) -> String {
-    if condition < 1e12 {
+    if condition < DEFICIENT_CONDITION {
         format!("condition number {condition:.1}")
     } else {
         "condition number infinite within rounding".into()

@@ -7,18 +7,18 @@ use std::str::FromStr;
 use serde::Serialize;
 use shared::identify::static_test::Bench;
 use shared::model::{NOMINAL, SpecificForce};
-use shared::tumble::{Position, full_rank_plan, paper_plan};
+use shared::tumble::{ARCSEC_RAD, Position, full_rank_plan, paper_plan};
 use shared::vibration::{Harmonic, Moments, Random};
 
 use super::identify::{condition, sum};
 use super::{Command, Console, positive};
 use crate::campaign::{Campaign, read_plan};
 use crate::error::Error;
-use crate::identification::{self, NAMES};
-use crate::planning::{
-    Assessment, Conditions, Environment, assess, best_plan, positions_to_add, twice_and_remounted,
-};
 use crate::prediction::DEFAULT_PRIOR_SIGMA;
+use crate::statics::{
+    self, Assessment, Conditions, Environment, NAMES, assess, best_plan, positions_to_add,
+    twice_and_remounted,
+};
 
 /// Tell what a plan of dial positions can and cannot tell: rank, blind directions, uncertainty of the predicted VRE
 #[derive(clap::Args)]
@@ -218,7 +218,7 @@ impl Command for Plan {
 
 impl Plan {
     fn plan_and_conditions(&self) -> Result<(Vec<Position>, Conditions), Error> {
-        let arcsec = |angle: f64| (angle / 3600.0).to_radians();
+        let arcsec = |angle: f64| angle * ARCSEC_RAD;
         let dial_sigma_rad = arcsec(self.dial_sigma.unwrap_or(5.8));
         let mut conditions = Conditions {
             bench: Bench {
@@ -237,16 +237,12 @@ impl Plan {
             "full" => full_rank_plan().collect(),
             _ if path.is_dir() => {
                 let campaign = Campaign::read(path)?;
-                conditions.bench = identification::bench(&campaign.config.bench);
+                conditions.bench = statics::bench(&campaign.config.bench);
                 let k1 = campaign.config.instrument.scale_factor_nominal_v_per_g;
                 let n = campaign.readings.len() as f64;
                 conditions.noise_g =
                     campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1;
-                campaign
-                    .readings
-                    .iter()
-                    .map(identification::position)
-                    .collect()
+                campaign.readings.iter().map(statics::position).collect()
             }
             _ => read_plan(path)?,
         };
@@ -297,9 +293,13 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         condition(plan.condition)
     );
     for direction in &plan.blind_directions {
-        let _ = writeln!(text, "BLIND along {}: no reading sees it.", sum(direction));
+        let _ = writeln!(
+            text,
+            "BLIND along {}: the readings tell no more than the prior.",
+            sum(direction)
+        );
     }
-    let arcsec = |angle: f64| angle.to_degrees() * 3600.0;
+    let arcsec = |angle: f64| angle / ARCSEC_RAD;
     let b = &conditions.bench;
     let _ = writeln!(
         text,

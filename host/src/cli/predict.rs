@@ -7,10 +7,10 @@ use super::{Command, Console};
 use crate::campaign::{Campaign, Run, read_runs};
 use crate::diagnose::Diagnosis;
 use crate::error::Error;
-use crate::identification::scatter_warning;
 use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
 use crate::refit::predict_refitted;
 use crate::report;
+use crate::statics::scatter_warning;
 
 /// Predict the vibration error of shaker runs from the static test, and from static test and shaker together
 #[derive(clap::Args)]

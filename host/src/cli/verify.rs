@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::{Command, Console};
 use crate::error::Error;
-use crate::identification::NAMES;
+use crate::statics::NAMES;
 use crate::verification;
 
 /// Compare the instrument's own self-check with the same computation on the host, from the record of a campaign

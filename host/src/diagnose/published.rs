@@ -191,6 +191,8 @@ fn campaign(row: &Published) -> Campaign {
     };
     let acquisition = Acquisition {
         sample_rate_hz: 400.0,
+        divider: None,
+        gain: None,
         unknown: Default::default(),
     };
     let readings = paper_plan().zip(0..).map(|(position, order)| Reading {

@@ -8,7 +8,7 @@ use super::band::Bands;
 use super::motion::{Motion, main_axis};
 use super::time_mean::Averages;
 use crate::campaign::{Approach, Campaign, Reading, ReferenceMoments, Run, Series, VibrationKind};
-use crate::identification::position;
+use crate::statics::position;
 
 /// Radians in one second of arc.
 pub const ARCSEC_RAD: f64 = std::f64::consts::PI / 648_000.0;

@@ -34,6 +34,8 @@ pub fn campaign() -> Campaign {
         },
         Acquisition {
             sample_rate_hz: 400.0,
+            divider: None,
+            gain: None,
             unknown: unknown(),
         },
         Some(Shaker {

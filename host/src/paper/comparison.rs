@@ -1,78 +1,13 @@
-//! The source paper's published tables beside what its own equation (9) makes of them.
-//!
-//! N. Chernyak et al., identification of the vibration error of a navigation accelerometer in its static tests:
-//! Table 1, coefficients of three types of instrument, and Table 2, their vibration errors in white noise of 1 g rms,
-//! computed by the paper and measured on a shaker. The tables carry no uncertainties.
+//! What the tables say to each other: (9) from Table 1 against Table 2, `vre-paper/1`.
 
+use nalgebra::{Matrix3, RowVector3, Vector3};
 use serde::Serialize;
 use shared::identify::closed_form::paper_blind_direction;
 use shared::model::{Coefficients, SpecificForce};
 use shared::rectification::Sensitivity;
 use shared::vibration::Random;
 
-/// A type of instrument in the paper.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Published {
-    /// Name of the type.
-    pub instrument: &'static str,
-    /// Table 1; the scale factor is not published and stands as 1 V/g.
-    pub coefficients: Coefficients<f64>,
-    /// Table 2, vibration error computed by the paper, g.
-    pub computed_vre_g: f64,
-    /// Table 2, vibration error measured on the shaker, g.
-    pub measured_vre_g: f64,
-}
-
-/// A row of Table 1 as printed: k0, k1', k2, k3, k4, d_PA, d_OA in 1e-4, k_IO in 1e-5, k_IP in 1e-6, k_PO in 1e-7;
-/// and of Table 2 in 1e-4 g.
-const fn published(instrument: &'static str, t1: [f64; 10], t2: [f64; 2]) -> Published {
-    Published {
-        instrument,
-        coefficients: Coefficients {
-            scale_factor_v_per_g: 1.0,
-            bias_g: t1[0] * 1e-4,
-            asymmetry: t1[1] * 1e-4,
-            second_order_per_g: t1[2] * 1e-4,
-            third_order_per_g2: t1[3] * 1e-4,
-            fourth_order_per_g3: t1[4] * 1e-4,
-            misalignment_oa_rad: t1[6] * 1e-4,
-            misalignment_pa_rad: t1[5] * 1e-4,
-            cross_ip_per_g: t1[8] * 1e-6,
-            cross_io_per_g: t1[7] * 1e-5,
-            cross_po_per_g: t1[9] * 1e-7,
-            fifth_order_per_g4: 0.0,
-            bias_asymmetry_g: 0.0,
-            odd_quadratic_per_g: 0.0,
-            cross_pp_per_g: 0.0,
-            cross_oo_per_g: 0.0,
-        },
-        computed_vre_g: t2[0] * 1e-4,
-        measured_vre_g: t2[1] * 1e-4,
-    }
-}
-
-/// Tables 1 and 2.
-pub const TABLES: [Published; 3] = [
-    published(
-        "AKS-05",
-        [
-            -0.07, 3.015, -2.56, -1.20, -1.20, 3.90, 3.05, 1.1, 1.1, 0.001,
-        ],
-        [1.8, 2.8],
-    ),
-    published(
-        "A-15",
-        [
-            0.12, -6.850, 0.50, 1.12, 1.12, 9.01, -5.02, -1.0, -1.0, -0.002,
-        ],
-        [-8.0, -6.7],
-    ),
-    published(
-        "AL-1",
-        [-2.25, -8.132, 4.2, -8.0, -8.0, 1.80, 0.80, 5.5, 5.5, 550.0],
-        [15.5, 21.0],
-    ),
-];
+use super::tables::{Published, TABLES};
 
 /// What one instrument's tables say to each other, `vre-paper/1`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -163,22 +98,14 @@ fn comparison(row: &Published) -> Comparison {
     }
 }
 
-/// The weights that the three instruments together ask for, by Cramer's rule.
+/// The weights that the three instruments together ask for.
 pub fn weights() -> Weights {
-    let rows = TABLES.map(|row| even(&row.coefficients));
-    let determinant = |m: &[[f64; 3]; 3]| {
-        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1])
-            - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
-    };
-    let solve = |rhs: [f64; 3]| {
-        std::array::from_fn(|column| {
-            let mut replaced = rows;
-            for (row, value) in replaced.iter_mut().zip(rhs) {
-                row[column] = value;
-            }
-            determinant(&replaced) / determinant(&rows)
-        })
+    let rows = TABLES.map(|row| RowVector3::from(even(&row.coefficients)));
+    let solve = |vre_g: [f64; 3]| {
+        let weights = Matrix3::from_rows(&rows).lu().solve(&Vector3::from(vre_g));
+        weights
+            .expect("the three instruments of Table 1 differ")
+            .into()
     };
     Weights {
         equation_9: weights_of_9(),

@@ -1,138 +1,15 @@
-//! What a test plan can and cannot tell, and a better one.
-//!
-//! All judged by the covariance that the readings of a plan would have, before a single one is taken: that of the
-//! coefficients, and that of the vibration error which they predict in the environments that the user names.
+//! A better test plan: positions to add, and the best plan of so many readings.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use serde::Serialize;
+use shared::identify::blindness::Design;
 use shared::identify::square_root::FactorError;
-use shared::identify::static_test::{
-    Bench, Fit, Reading, StaticTest, StaticTestError, workspace_len,
-};
-use shared::model::{Coefficients, NOMINAL};
+use shared::identify::static_test::StaticTestError;
+use shared::model::NOMINAL;
 use shared::rectification::Sensitivity;
-use shared::tumble::{Position, Series, within_a_turn};
-use shared::vibration::Moments;
+use shared::tumble::{Position, Series};
 
-use crate::identification::NAMES;
-
-/// A vibration in which the error is to be predicted.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Environment {
-    /// What the user calls it.
-    pub name: String,
-    /// Systematic specific force on IA, g.
-    pub a0_i_g: f64,
-    /// Its moments.
-    pub moments: Moments<f64>,
-}
-
-/// The bench on which a plan would be carried out, for an instrument of unit scale factor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conditions {
-    /// Uncertainties of the dividing head.
-    pub bench: Bench<f64>,
-    /// Standard uncertainty of one reading from noise alone, g.
-    pub noise_g: f64,
-    /// Standard deviation about zero of every coefficient but K1 before the test, each in its own unit: only
-    /// what the readings leave blind rests on it.
-    pub prior_sigma: f64,
-}
-
-/// What a plan tells.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Assessment {
-    /// Number of readings.
-    pub readings: usize,
-    /// Rank of the design matrix.
-    pub rank: usize,
-    /// Its condition number.
-    pub condition: f64,
-    /// Unit directions in coefficient space that no reading sees.
-    pub blind_directions: Vec<BTreeMap<&'static str, f64>>,
-    /// Standard uncertainty of each coefficient under its name; null where undetermined.
-    pub coefficient_sigma: BTreeMap<&'static str, Option<f64>>,
-    /// Standard uncertainty of the predicted vibration error in each environment.
-    pub environments: Vec<EnvironmentSigma>,
-}
-
-/// Standard uncertainty of the vibration error that a plan would predict in an environment, g.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct EnvironmentSigma {
-    /// Name of the environment.
-    pub name: String,
-    /// From noise, dial, mount and level alone, g.
-    pub readings_sigma_g: f64,
-    /// From what the plan is blind to, by the prior, g.
-    pub blind_sigma_g: f64,
-}
-
-impl EnvironmentSigma {
-    /// Both together, g.
-    pub fn sigma_g(&self) -> f64 {
-        self.readings_sigma_g.hypot(self.blind_sigma_g)
-    }
-}
-
-/// Judges a plan.
-///
-/// # Errors
-/// Fewer independent readings than the rank of the plan.
-pub fn assess(
-    plan: &[Position],
-    conditions: &Conditions,
-    environments: &[Environment],
-) -> Result<Assessment, StaticTestError> {
-    let fit = fit(plan, conditions, None)?;
-    let seen = &fit.visibility;
-    let sigma = |k: usize| {
-        seen.determines(k)
-            .then(|| fit.covariance[k][k].max(0.0).sqrt())
-    };
-    let judge = |environment: &Environment| {
-        let sensitivity = Sensitivity::new(environment.a0_i_g, environment.moments);
-        let along = |direction: &[f64; NOMINAL]| -> f64 {
-            direction
-                .iter()
-                .zip(sensitivity.nominal)
-                .map(|(d, s)| d * s)
-                .sum()
-        };
-        let blind: f64 = seen
-            .blind_directions()
-            .iter()
-            .map(|d| along(d).powi(2))
-            .sum();
-        EnvironmentSigma {
-            name: environment.name.clone(),
-            readings_sigma_g: sensitivity.variance_g2(&fit.covariance).max(0.0).sqrt(),
-            blind_sigma_g: conditions.prior_sigma * blind.sqrt(),
-        }
-    };
-    Ok(Assessment {
-        readings: plan.len(),
-        rank: seen.rank,
-        condition: seen.condition.min(f64::MAX),
-        blind_directions: seen
-            .blind_directions()
-            .iter()
-            .map(|d| {
-                NAMES
-                    .into_iter()
-                    .zip(*d)
-                    .filter(|(_, c)| c.abs() > 1e-6)
-                    .collect()
-            })
-            .collect(),
-        coefficient_sigma: NAMES
-            .into_iter()
-            .enumerate()
-            .map(|(k, n)| (n, sigma(k)))
-            .collect(),
-        environments: environments.iter().map(judge).collect(),
-    })
-}
+use super::assessment::{Conditions, Environment, fit};
 
 /// Positions to add one after another, each the one that lowers the worst environment's uncertainty most, with that
 /// uncertainty after it, g. Stops before `most` when another position would gain less than 2 %.
@@ -195,7 +72,7 @@ pub fn best_plan(
     let candidates = candidates(&[0.0, 180.0]);
     let all_coefficients = |plan: &[Position]| variance(plan, conditions, trace);
     let mut base = Vec::new();
-    while base.len() < NOMINAL || fit(&base, conditions, None)?.visibility.rank < NOMINAL {
+    while base.len() < NOMINAL || (base.len() < readings && geometric_rank(&base) < NOMINAL) {
         let (_, position) = best_addition(&mut base, &candidates, all_coefficients)?;
         base.push(position);
         step();
@@ -223,6 +100,13 @@ pub fn best_plan(
             .unwrap_or(std::cmp::Ordering::Equal)
     });
     Ok(plan)
+}
+
+/// Rank of the positions, whatever the errors of a reading.
+fn geometric_rank(plan: &[Position]) -> usize {
+    let mut design = Design::default();
+    plan.iter().for_each(|p| design.absorb(p.specific_force()));
+    design.visibility().rank
 }
 
 /// Every position at multiples of 15 and of 22.5 deg, in three series, for the given mounts (deg).
@@ -282,7 +166,7 @@ fn variance(
     conditions: &Conditions,
     figure: impl Fn(&[[f64; NOMINAL]; NOMINAL]) -> f64,
 ) -> Result<f64, StaticTestError> {
-    match fit(plan, conditions, Some(conditions.prior_sigma)) {
+    match fit(plan, conditions, true) {
         Err(StaticTestError::Workspace(FactorError::Undetermined { .. })) => Ok(f64::INFINITY),
         fit => Ok(figure(&fit?.covariance)),
     }
@@ -292,50 +176,17 @@ fn trace(covariance: &[[f64; NOMINAL]; NOMINAL]) -> f64 {
     (0..NOMINAL).map(|k| covariance[k][k]).sum()
 }
 
-/// The fit that readings of this plan would give; their values do not matter to its covariance.
-fn fit(
-    plan: &[Position],
-    conditions: &Conditions,
-    prior_sigma: Option<f64>,
-) -> Result<Fit<f64>, StaticTestError> {
-    let marks: BTreeSet<u64> = plan
-        .iter()
-        .map(|p| within_a_turn(p.dial_deg).to_bits())
-        .collect();
-    let mounts: BTreeSet<_> = plan
-        .iter()
-        .map(|p| (p.series, p.mount_deg.to_bits()))
-        .collect();
-    let mut workspace = vec![0.0; workspace_len(marks.len(), mounts.len())];
-    let ideal = Coefficients::default();
-    let mut test = StaticTest::new(
-        conditions.bench,
-        ideal,
-        marks.len(),
-        mounts.len(),
-        &mut workspace,
-    )?;
-    for position in plan {
-        let output_v = ideal.output_v(position.specific_force());
-        test.absorb(&Reading {
-            position: *position,
-            output_v,
-            sigma_v: conditions.noise_g,
-        })?;
-    }
-    test.solve(prior_sigma.map(|sigma| [sigma; NOMINAL]).as_ref())
-        .map_err(StaticTestError::Workspace)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::statics::assessment::assess;
+    use shared::identify::static_test::Bench;
     use shared::model::SpecificForce;
     use shared::tumble::{full_rank_plan, paper_plan};
     use shared::vibration::{Harmonic, Random};
 
     fn conditions() -> Conditions {
-        let arcsec = |angle: f64| (angle / 3600.0).to_radians();
+        let arcsec = |angle: f64| angle * shared::tumble::ARCSEC_RAD;
         Conditions {
             bench: Bench {
                 dial_sigma_rad: arcsec(5.8),
