@@ -4,14 +4,14 @@
 //! factor of their covariance: noise and repeatability of each, one error a mark, two tilts of the base, one error a
 //! remounting. The plateaus of a run stand for themselves, at the run's nominal attitude.
 
+use inference::linear::inner_product;
 use inference::observations::{self, Observations};
-use shared::tumble::within_a_turn;
 
 use crate::campaign::{Campaign, Measured, Run, VibrationKind};
-use crate::forward::conditions::{ARCSEC_RAD, RunConditions, seen_ratios};
+use crate::forward::conditions::{RunConditions, seen_ratios};
 use crate::forward::contribution::{Contribution, Layout, Observable};
 use crate::forward::motion::main_axis;
-use crate::statics::position;
+use crate::statics::{bench, covariance};
 
 /// Relative standard uncertainty of the peak detector's excursion, and of what small motions inside the instrument
 /// add to it.
@@ -21,6 +21,8 @@ const EXTREME_LEAST_G: f64 = 0.1;
 /// Uncertainty of a ratio of the reference's axes, and of the moments of a sine, beside the stated one.
 const REFERENCE_SIGMA: f64 = 1e-5;
 const SHAPE_SIGMA: f64 = 1e-4;
+/// Least variance of a static reading beside all others, g^2: a picog, far below any noise, for readings stated to be exact.
+const LEAST_VARIANCE_G2: f64 = 1e-24;
 
 /// What is special about an observable.
 struct Properties {
@@ -201,63 +203,28 @@ pub fn scale_factor(campaign: &Campaign) -> f64 {
     }
 }
 
-/// Cholesky factor of the covariance of the static readings in g^2.
+/// Cholesky factor of the covariance of the static readings, packed as that is.
 fn static_factor(campaign: &Campaign, scale_v_per_g: f64) -> Vec<f64> {
-    let bench = &campaign.config.bench;
-    let radians = |arcsec: f64| (arcsec * ARCSEC_RAD * bench.local_gravity_g).powi(2);
-    let (mark, repeat) = (
-        radians(bench.dial_sigma_arcsec),
-        radians(bench.dial_repeat_sigma_arcsec),
-    );
-    let (mount, level) = (
-        radians(bench.mount_sigma_arcsec),
-        radians(bench.level_sigma_arcsec),
-    );
-    let rows: Vec<_> = campaign
-        .readings
-        .iter()
-        .map(|reading| {
-            let tangent = reading.series.tangent(position(reading).phi_rad()).i;
-            let lift = reading.series.lift::<f64>().i;
-            (
-                tangent,
-                lift,
-                within_a_turn(reading.dial_deg),
-                within_a_turn(reading.mount_deg),
-                reading.series,
-            )
-        })
-        .collect();
-    let mut factor: Vec<f64> = Vec::with_capacity(rows.len() * (rows.len() + 1) / 2);
-    for (i, a) in rows.iter().enumerate() {
-        let start = factor.len();
-        for (j, b) in rows[..=i].iter().enumerate() {
-            let mut covariance = level * (a.0 * b.0 + a.1 * b.1);
-            if a.2 == b.2 {
-                covariance += mark * a.0 * b.0;
-            }
-            // As first mounted the instrument defines its own angle.
-            if a.3 != 0.0 && a.3 == b.3 && a.4 == b.4 {
-                covariance += mount * a.0 * b.0;
-            }
-            if i == j {
-                covariance +=
-                    (campaign.readings[i].sigma_v / scale_v_per_g).powi(2) + repeat * a.0 * a.0;
-            }
-            let row_j = j * (j + 1) / 2;
-            let dot: f64 = factor[start..start + j]
-                .iter()
-                .zip(&factor[row_j..row_j + j])
-                .map(|(x, y)| x * y)
-                .sum();
-            let left = covariance - dot;
-            let value = if i == j {
-                left.max(1e-24).sqrt()
+    let stated = bench(&campaign.config.bench);
+    let mut packed = covariance(&campaign.readings, &stated, scale_v_per_g);
+    for i in 0..campaign.readings.len() {
+        let (above, row) = packed.split_at_mut(i * (i + 1) / 2);
+        for j in 0..=i {
+            let left = row[j]
+                - inner_product(
+                    &row[..j],
+                    if j < i {
+                        &above[j * (j + 1) / 2..][..j]
+                    } else {
+                        &row[..j]
+                    },
+                );
+            row[j] = if j < i {
+                left / above[j * (j + 1) / 2 + j]
             } else {
-                left / factor[row_j + j]
+                left.max(LEAST_VARIANCE_G2).sqrt()
             };
-            factor.push(value);
         }
     }
-    factor
+    packed
 }

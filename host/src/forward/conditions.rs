@@ -10,9 +10,6 @@ use super::time_mean::Averages;
 use crate::campaign::{Approach, Campaign, Reading, ReferenceMoments, Run, Series, VibrationKind};
 use crate::statics::position;
 
-/// Radians in one second of arc.
-pub const ARCSEC_RAD: f64 = std::f64::consts::PI / 648_000.0;
-
 /// Conditions of one dial reading.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadingConditions {
