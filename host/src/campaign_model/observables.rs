@@ -13,6 +13,9 @@ use crate::forward::contribution::{Contribution, Layout, Observable};
 use crate::forward::motion::main_axis;
 use crate::statics::{bench, covariance};
 
+use super::assumptions::{Assumptions, Noise};
+use super::reference::Reference;
+
 /// Relative standard uncertainty of the peak detector's excursion, and of what small motions inside the instrument
 /// add to it.
 const EXTREME_REL_SIGMA: f64 = 5e-4;
@@ -21,6 +24,10 @@ const EXTREME_LEAST_G: f64 = 0.1;
 /// Uncertainty of a ratio of the reference's axes, and of the moments of a sine, beside the stated one.
 const REFERENCE_SIGMA: f64 = 1e-5;
 const SHAPE_SIGMA: f64 = 1e-4;
+/// Correlation of noise with a motion over some 1e3 to 1e4 independent values of a record.
+const COHERENT_NOISE: f64 = 0.03;
+/// Standard uncertainty of a reading that does not belong, g: it tells nothing.
+const EXCLUDED_SIGMA_G: f64 = 1e3;
 /// Least variance of a static reading beside all others, g^2: a picog, far below any noise, for readings stated to be exact.
 const LEAST_VARIANCE_G2: f64 = 1e-24;
 
@@ -60,52 +67,99 @@ pub fn name(observable: Observable) -> &'static str {
     properties(observable).gap.unwrap_or("")
 }
 
-/// The observations of a campaign's readings and of runs in the order of time.
-pub fn observe(
-    campaign: &Campaign,
-    layout: &Layout,
-    runs: &[&Run],
-    scale_v_per_g: f64,
-) -> Observations {
-    let mut seen = Seen {
-        layout,
-        scale_v_per_g,
-        values: layout.nothing(),
-        sigma: vec![f64::INFINITY; layout.len()],
-    };
-    for (row, reading) in campaign.readings.iter().enumerate() {
-        seen.values
-            .add(Observable::Static, row, reading.output_v / scale_v_per_g);
-    }
-    let shaker = campaign.config.shaker.as_ref();
-    for (row, run) in runs.iter().enumerate() {
-        let Some(measured) = run.measured else {
-            continue;
+/// What observations are made of.
+pub(super) struct Observer<'a> {
+    pub(super) campaign: &'a Campaign,
+    pub(super) layout: &'a Layout,
+    /// In the order of time.
+    pub(super) runs: &'a [&'a Run],
+    pub(super) scale_v_per_g: f64,
+    pub(super) reference: Option<Reference>,
+    pub(super) assumptions: &'a Assumptions,
+    /// Of each run whether it does not belong.
+    pub(super) excluded: &'a [bool],
+}
+
+impl Observer<'_> {
+    /// The observations, whitened.
+    pub(super) fn observe(&self) -> Observations {
+        let (campaign, layout) = (self.campaign, self.layout);
+        let mut seen = Seen {
+            layout,
+            scale_v_per_g: self.scale_v_per_g,
+            assumptions: self.assumptions,
+            values: layout.nothing(),
+            sigma: vec![f64::INFINITY; layout.len()],
         };
-        seen.output(row, run, &measured);
-        if let Some(shaker) = shaker {
-            seen.reference(row, run, shaker.reference_rms_rel_sigma);
+        for (row, reading) in campaign.readings.iter().enumerate() {
+            seen.values.add(
+                Observable::Static,
+                row,
+                reading.output_v / self.scale_v_per_g,
+            );
+        }
+        for (row, run) in self
+            .runs
+            .iter()
+            .enumerate()
+            .filter(|(row, _)| !self.excluded[*row])
+        {
+            let Some(measured) = run.measured else {
+                continue;
+            };
+            seen.output(row, run, &measured);
+            if let Some(reference) = &self.reference {
+                seen.reference(row, run, reference);
+            }
+        }
+        let observables = Observable::ALL.map(|observable| observations::Observable {
+            name: name(observable),
+            rows: layout.rows(observable),
+            transforms: properties(observable).moves,
+        });
+        let observations = Observations::new(
+            observables.to_vec(),
+            GAP.map(|observable| observable as usize).to_vec(),
+            Observable::During as usize,
+            static_factor(campaign, self.scale_v_per_g, self.assumptions),
+            seen.sigma.iter().map(|sigma| sigma.recip()).collect(),
+            seen.values.column.values,
+        );
+        match &self.reference {
+            Some(reference) => {
+                let errors = self.reference_errors(reference);
+                observations.with_shared_errors(layout.rows(Observable::Reference), errors)
+            }
+            None => observations,
         }
     }
-    let observables = Observable::ALL.map(|observable| observations::Observable {
-        name: name(observable),
-        rows: layout.rows(observable),
-        transforms: properties(observable).moves,
-    });
-    Observations::new(
-        observables.to_vec(),
-        GAP.map(|observable| observable as usize).to_vec(),
-        Observable::During as usize,
-        static_factor(campaign, scale_v_per_g),
-        seen.sigma.iter().map(|sigma| sigma.recip()).collect(),
-        seen.values.column.values,
-    )
+
+    /// One standard deviation of each error that the reference makes in all runs alike, over its rows: the gain of each axis,
+    /// and the sensitivity of each to motion along each other one.
+    fn reference_errors(&self, reference: &Reference) -> Vec<Vec<f64>> {
+        let mut errors = Vec::new();
+        for axis in 0..3 {
+            for along in 0..3 {
+                let sigma = match axis == along {
+                    true => reference.gain_sigma,
+                    false => reference.cross_sigma,
+                };
+                let mut error = vec![0.0; 3 * self.runs.len()];
+                for (row, run) in self.runs.iter().enumerate() {
+                    error[3 * row + axis] = sigma * run.direction[along];
+                }
+                errors.push(error);
+            }
+        }
+        errors
+    }
 }
 
 /// What was seen so far.
 struct Seen<'l> {
     layout: &'l Layout,
     scale_v_per_g: f64,
+    assumptions: &'l Assumptions,
     values: Contribution,
     sigma: Vec<f64>,
 }
@@ -119,7 +173,7 @@ impl Seen<'_> {
     /// The plateaus, the drift, and the extremes where they tell anything.
     fn output(&mut self, row: usize, run: &Run, measured: &Measured) {
         let scale = self.scale_v_per_g;
-        let noise = measured.sigma_v / scale;
+        let noise = self.assumptions.factor(Noise::Plateaus) * measured.sigma_v / scale;
         self.put(Observable::Before, row, measured.before_v / scale, noise);
         self.put(Observable::During, row, measured.during_v / scale, noise);
         self.put(Observable::After, row, measured.after_v / scale, noise);
@@ -127,7 +181,7 @@ impl Seen<'_> {
             Observable::Drift,
             row,
             measured.drift_v_per_s / scale,
-            measured.drift_sigma_v_per_s / scale,
+            self.assumptions.factor(Noise::Drift) * measured.drift_sigma_v_per_s / scale,
         );
         let excursion = (run.direction[0] * run.level_g).abs();
         let Some(extremes) = measured.extremes.filter(|_| excursion > EXTREME_LEAST_G) else {
@@ -153,13 +207,17 @@ impl Seen<'_> {
     }
 
     /// What the reference says of the command, and of a sine's shape.
-    fn reference(&mut self, row: usize, run: &Run, relative: f64) {
+    fn reference(&mut self, row: usize, run: &Run, reference: &Reference) {
         let Some(seen) = &run.reference else { return };
         let Some(ratios) = seen_ratios(&RunConditions::from(run), Some(seen)) else {
             return;
         };
         for axis in 0..3 {
-            let sigma = (relative * ratios[axis]).hypot(REFERENCE_SIGMA);
+            // What of its noise happens to go with the motion: a part of 1/sqrt of the record's independent values.
+            let noise = COHERENT_NOISE * reference.noise_g / run.level_g;
+            let sigma = (reference.scatter * ratios[axis])
+                .hypot(REFERENCE_SIGMA)
+                .hypot(noise);
             let off = ratios[axis] - run.direction[axis];
             self.put(Observable::Reference, 3 * row + axis, off, sigma);
         }
@@ -204,9 +262,17 @@ pub fn scale_factor(campaign: &Campaign) -> f64 {
 }
 
 /// Cholesky factor of the covariance of the static readings, packed as that is.
-fn static_factor(campaign: &Campaign, scale_v_per_g: f64) -> Vec<f64> {
+fn static_factor(campaign: &Campaign, scale_v_per_g: f64, assumptions: &Assumptions) -> Vec<f64> {
+    let factor = assumptions.factor(Noise::Readings);
+    let mut readings = campaign.readings.clone();
+    for (place, reading) in readings.iter_mut().enumerate() {
+        reading.sigma_v *= factor;
+        if assumptions.excluded_readings.contains(&place) {
+            reading.sigma_v = EXCLUDED_SIGMA_G * scale_v_per_g.abs();
+        }
+    }
     let stated = bench(&campaign.config.bench);
-    let mut packed = covariance(&campaign.readings, &stated, scale_v_per_g);
+    let mut packed = covariance(&readings, &stated, scale_v_per_g);
     for i in 0..campaign.readings.len() {
         let (above, row) = packed.split_at_mut(i * (i + 1) / 2);
         for j in 0..=i {

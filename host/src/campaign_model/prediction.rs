@@ -175,7 +175,8 @@ impl CampaignModel {
         let runs = &self.conditions.runs;
         let rest: Vec<_> = runs.iter().map(|run| terms(run.specific_force_g)).collect();
         let moving = nominal::moving(runs, motions);
-        let mut values = Vec::with_capacity(3 * runs.len() * NOMINAL);
+        let unknowns = self.base.columns.len();
+        let mut values = Vec::with_capacity(3 * runs.len() * unknowns);
         let kinds = [Observable::During, Observable::Maximum, Observable::Minimum];
         for (part, kind) in kinds.into_iter().enumerate() {
             for ((row, moving), rest) in self.layout.rows(kind).zip(&moving).zip(&rest) {
@@ -184,9 +185,11 @@ impl CampaignModel {
                     Observable::During => (rest[k] + moving[part][k]) * weight,
                     _ => moving[part][k] * weight,
                 }));
+                // Sessions and the table's level act as at the commanded motion.
+                values.extend(self.base.columns[NOMINAL..].iter().map(|c| c.values[row]));
             }
         }
-        Transformed::new(values, NOMINAL)
+        Transformed::new(values, unknowns)
     }
 
     /// Motions of the instrument under some effects, and what the reference sees of them, whitened.

@@ -28,6 +28,7 @@ use super::random::SplitMix;
 use super::verdict::credible_set;
 use crate::campaign::{Campaign, ReferenceMoments, Run, VibrationKind};
 use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::Assumptions;
 use crate::refit::Forecast;
 
 /// Draws of what may be true.
@@ -63,8 +64,13 @@ pub(super) fn expected_improvement(
         ..campaign.clone()
     };
     let scale_v_per_g = model.scale_v_per_g();
-    let mut predictor =
-        CampaignModel::with_scale(&runs_alone, &further, model.effects(), scale_v_per_g);
+    let mut predictor = CampaignModel::with_scale(
+        &runs_alone,
+        &further,
+        model.effects(),
+        &Assumptions::default(),
+        scale_v_per_g,
+    );
     predictor.believe(model.conditions().coefficients);
     let predictor = predictor.in_g();
     let new_runs = campaign.runs.len()..campaign.runs.len() + further.len();

@@ -19,19 +19,19 @@ mod onboard;
 mod proposals;
 pub mod published;
 mod random;
+mod remarks;
 mod rows;
+mod settle;
 mod verdict;
-
-use inference::search::{Search, SearchPolicy, search};
 
 pub use answer::{Compensation, Diagnosis, Verdict};
 pub use onboard::WHY_NOT_CARRIED;
 pub use rows::GapRow;
 
 use crate::campaign::Campaign;
-use crate::campaign_model::CampaignModel;
 use crate::effects::{self, Effect};
 use crate::error::Error;
+use settle::{Settled, settle};
 use verdict::Judgement;
 
 /// A diagnosis with the rows that pictures of it need.
@@ -48,13 +48,12 @@ pub struct Study {
 /// An unknown identifier in `without`, or a campaign that determines nothing.
 pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error> {
     let effects = effects_but(without)?;
-    let mut model = CampaignModel::new(campaign, &[], &effects);
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
-    let search = search(&mut model, &SearchPolicy::default()).ok_or_else(undetermined)?;
-    let judgement = Judgement::of(&search);
+    let settled = settle(campaign, &effects).ok_or_else(undetermined)?;
+    let judgement = Judgement::of(&settled.search);
     Ok(Study {
-        rows: rows::rows(&model, judgement.shown(&search)),
-        diagnosis: answer(campaign, &model, &search, &judgement),
+        rows: rows::rows(&settled.model, judgement.shown(&settled.search)),
+        diagnosis: answer(campaign, &settled, &judgement),
     })
 }
 
@@ -70,12 +69,8 @@ fn effects_but(without: &[String]) -> Result<Vec<&'static Effect>, Error> {
     Ok(effects::catalogue().filter(kept).collect())
 }
 
-fn answer(
-    campaign: &Campaign,
-    model: &CampaignModel,
-    search: &Search,
-    judgement: &Judgement,
-) -> Diagnosis {
+fn answer(campaign: &Campaign, settled: &Settled, judgement: &Judgement) -> Diagnosis {
+    let Settled { model, search, .. } = settled;
     let shown = judgement.shown(search);
     let verdict = judgement.verdict;
     let shrink = held_out::shrink(campaign, model, search, shown);
@@ -94,6 +89,9 @@ fn answer(
         similarity: verdict::similarity(model, search),
         compensation: matches!(verdict, Verdict::Explained | Verdict::NoGap)
             .then(|| onboard::compensation(model, shown)),
+        suspects: remarks::suspects(campaign, settled),
+        noise: remarks::noise(settled),
+        sessions: remarks::sessions(model, shown),
         not_looked_at: location::not_looked_at(campaign),
     }
 }

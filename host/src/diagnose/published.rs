@@ -17,6 +17,7 @@ use crate::campaign::{
     VibrationKind,
 };
 use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::Assumptions;
 use crate::effects::identity::Stage;
 use crate::effects::{self, Action, Effect};
 use crate::error::Error;
@@ -76,7 +77,13 @@ pub fn diagnose_published(row: &Published) -> Result<TableDiagnosis, Error> {
     let study = diagnose(&campaign, &[])?;
     let effects: Vec<&'static Effect> = effects::catalogue().collect();
     let scale_v_per_g = row.coefficients.scale_factor_v_per_g;
-    let model = CampaignModel::with_scale(&campaign, &[], &effects, scale_v_per_g);
+    let model = CampaignModel::with_scale(
+        &campaign,
+        &[],
+        &effects,
+        &Assumptions::default(),
+        scale_v_per_g,
+    );
     let vre_g = |members: &[Member]| vre_g(&model, row, members);
     let gap_g = row.measured_vre_g - vre_g(&[]);
     let mut found = TableDiagnosis {

@@ -201,7 +201,8 @@ impl Conditions {
     }
 }
 
-/// The reference's rms over the commanded level on each axis, with the sign of the motion.
+/// The reference's rms over the commanded level on each axis, with the sign of the motion: across the main axis the part
+/// that moves with it, so that noise of the reference's own has no share in it.
 pub fn seen_ratios(run: &RunConditions, seen: Option<&ReferenceMoments>) -> Option<[f64; 3]> {
     let seen = seen?;
     let level = match run.kind {
@@ -222,7 +223,7 @@ pub fn seen_ratios(run: &RunConditions, seen: Option<&ReferenceMoments>) -> Opti
             (false, Some(correlation)) => correlation[pair[axis]],
             (false, None) => (run.direction[axis] * run.direction[main]).signum(),
         };
-        ratios[axis] = sign * with_main.signum() * seen.rms_g[axis] / level;
+        ratios[axis] = sign * with_main * seen.rms_g[axis] / level;
     }
     Some(ratios)
 }
