@@ -52,6 +52,15 @@ impl Default for Assumptions {
 }
 
 impl Assumptions {
+    /// Sets a row aside: a reading, or a run, by its place in the campaign.
+    pub fn set_aside(&mut self, reading: bool, place: usize) {
+        if reading {
+            self.excluded_readings.insert(place);
+        } else {
+            self.excluded_runs.insert(place);
+        }
+    }
+
     /// The factor of a kind of noise.
     pub fn factor(&self, noise: Noise) -> f64 {
         self.noise_factor[noise as usize]

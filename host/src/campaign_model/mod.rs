@@ -13,7 +13,7 @@ use shared::model::{Coefficients, NOMINAL};
 
 use crate::campaign::{Campaign, DETECTOR_REL_ERROR, Run, VibrationKind};
 use crate::effects::{Action, Effect};
-use crate::forward::conditions::{Conditions, Witnesses};
+use crate::forward::conditions::{Conditions, RunConditions, Witnesses, seen_ratios};
 use crate::forward::contribution::{Layout, Observable};
 use crate::forward::finite_record::unseen_variance_g2;
 use crate::forward::motion::Motion;
@@ -87,33 +87,45 @@ impl CampaignModel {
         for (row, &k) in order.iter().enumerate() {
             rows[k] = row;
         }
-        let witnesses = Witnesses::new(campaign, &runs, scale_v_per_g);
+        let mut witnesses = Witnesses::new(campaign, &runs, scale_v_per_g);
+        let reference = Reference::of(campaign, &runs);
+        if let Some(reference) = &reference {
+            let excess = |run: &&Run| {
+                let conditions = RunConditions::from(*run);
+                let ratios = seen_ratios(&conditions, run.reference.as_ref());
+                reference.level_excess(&conditions, ratios)
+            };
+            witnesses.level_excess = runs.iter().map(excess).collect();
+        }
         let coefficients = Coefficients {
             scale_factor_v_per_g: scale_v_per_g,
             ..Coefficients::default()
         };
-        let mut conditions = Conditions::new(campaign, &runs, coefficients);
+        let mut conditions = Conditions::new(campaign, &runs, &witnesses, coefficients);
         conditions.linearise_about(coefficients, &witnesses);
         let layout = Layout::new(&conditions.readings, &conditions.runs);
         let excluded: Vec<bool> = order
             .iter()
             .map(|k| assumptions.excluded_runs.contains(k))
             .collect();
-        let reference = Reference::of(campaign, &runs);
         let sessions = Sessions::of(campaign, &runs);
         let observations = observables::Observer {
             campaign,
             layout: &layout,
             runs: &runs,
             scale_v_per_g,
-            reference,
+            reference: reference.as_ref(),
+            level_excess: &witnesses.level_excess,
             assumptions,
             excluded: &excluded,
         }
         .observe();
         let seen = layout.rows(Observable::Reference);
         let seen = observations.observed_rows(seen).next().is_some();
-        let table_sigma = reference.filter(|_| seen).map_or(0.0, |r| r.gain_sigma);
+        let table_sigma = reference
+            .as_ref()
+            .filter(|_| seen)
+            .map_or(0.0, |r| r.gain_sigma);
         let (nuisances, base) = base(&conditions, &layout, &observations, &sessions, table_sigma);
         Self {
             rough: Conditions {
@@ -191,7 +203,7 @@ impl CampaignModel {
             .linearise_about(coefficients, &self.witnesses);
         self.rough.linearise_about(coefficients, &self.witnesses);
         self.kept.clear();
-        let table_sigma = self.reference.map_or(0.0, |r| r.gain_sigma);
+        let table_sigma = self.reference.as_ref().map_or(0.0, |r| r.gain_sigma);
         let (nuisances, base) = base(
             &self.conditions,
             &self.layout,

@@ -12,6 +12,8 @@ use crate::forward::nominal;
 const BIAS_G: f64 = 1e-3;
 const ALIGNMENT_RAD: f64 = 1e-3;
 const GAIN: f64 = 0.01;
+/// Standard uncertainty of the peak detector's gain, where none is stated.
+const DETECTOR_GAIN: f64 = 0.005;
 
 /// What a nuisance is.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +26,8 @@ pub enum Kind {
     Gain,
     /// Level of the table over its command, less 1.
     TableLevel,
+    /// Gain of the peak detector, less 1.
+    DetectorGain,
 }
 
 /// An unknown of the base beside the coefficients.
@@ -117,6 +121,12 @@ pub fn nuisances(
         };
         all.push((nuisance, table_level(conditions, layout)));
     }
+    let nuisance = Nuisance {
+        kind: Kind::DetectorGain,
+        session: String::new(),
+        sigma: DETECTOR_GAIN,
+    };
+    all.push((nuisance, detector_gain(conditions, layout)));
     all
 }
 
@@ -187,6 +197,21 @@ impl Session<'_> {
         }
         sum
     }
+}
+
+/// The extremes of sines, at the coefficients that are believed.
+fn detector_gain(conditions: &Conditions, layout: &Layout) -> Contribution {
+    let mut sum = layout.nothing();
+    let moving = nominal::moving(&conditions.runs, &conditions.motions);
+    for (row, run) in conditions.runs.iter().enumerate() {
+        if run.made && run.kind == VibrationKind::Sine {
+            let [_, most, least] =
+                moving[row].map(|terms| nominal::value(&conditions.coefficients, &terms));
+            sum.add(Observable::Maximum, row, most);
+            sum.add(Observable::Minimum, row, least);
+        }
+    }
+    sum
 }
 
 /// Derivative of all observables by the logarithm of the table's level.

@@ -74,7 +74,9 @@ pub(super) struct Observer<'a> {
     /// In the order of time.
     pub(super) runs: &'a [&'a Run],
     pub(super) scale_v_per_g: f64,
-    pub(super) reference: Option<Reference>,
+    pub(super) reference: Option<&'a Reference>,
+    /// Of each run the table's level over its command, less 1, and its variance.
+    pub(super) level_excess: &'a [(f64, f64)],
     pub(super) assumptions: &'a Assumptions,
     /// Of each run whether it does not belong.
     pub(super) excluded: &'a [bool],
@@ -108,8 +110,8 @@ impl Observer<'_> {
                 continue;
             };
             seen.output(row, run, &measured);
-            if let Some(reference) = &self.reference {
-                seen.reference(row, run, reference);
+            if let Some(reference) = self.reference {
+                seen.reference(row, run, reference, self.level_excess[row].0);
             }
         }
         let observables = Observable::ALL.map(|observable| observations::Observable {
@@ -125,7 +127,7 @@ impl Observer<'_> {
             seen.sigma.iter().map(|sigma| sigma.recip()).collect(),
             seen.values.column.values,
         );
-        match &self.reference {
+        match self.reference {
             Some(reference) => {
                 let errors = self.reference_errors(reference);
                 observations.with_shared_errors(layout.rows(Observable::Reference), errors)
@@ -207,7 +209,7 @@ impl Seen<'_> {
     }
 
     /// What the reference says of the command, and of a sine's shape.
-    fn reference(&mut self, row: usize, run: &Run, reference: &Reference) {
+    fn reference(&mut self, row: usize, run: &Run, reference: &Reference, level_excess: f64) {
         let Some(seen) = &run.reference else { return };
         let Some(ratios) = seen_ratios(&RunConditions::from(run), Some(seen)) else {
             return;
@@ -215,10 +217,12 @@ impl Seen<'_> {
         for axis in 0..3 {
             // What of its noise happens to go with the motion: a part of 1/sqrt of the record's independent values.
             let noise = COHERENT_NOISE * reference.noise_g / run.level_g;
-            let sigma = (reference.scatter * ratios[axis])
-                .hypot(REFERENCE_SIGMA)
-                .hypot(noise);
-            let off = ratios[axis] - run.direction[axis];
+            // Where table and reference cannot be told apart, what is left of the table's scatter is still in the ratio.
+            let scatter = reference
+                .scatter
+                .hypot(reference.table_scatter.min(reference.scatter));
+            let sigma = (scatter * ratios[axis]).hypot(REFERENCE_SIGMA).hypot(noise);
+            let off = ratios[axis] - run.direction[axis] * (1.0 + level_excess);
             self.put(Observable::Reference, 3 * row + axis, off, sigma);
         }
         if run.kind == VibrationKind::Sine {

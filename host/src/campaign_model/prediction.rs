@@ -222,11 +222,8 @@ impl CampaignModel {
             let rms = (1.0 + h * h).sqrt();
             for axis in 0..3 {
                 let ratio = motion.amplitude_g[axis] / run.level_g * rms;
-                seen.add(
-                    Observable::Reference,
-                    3 * row + axis,
-                    ratio - run.direction[axis],
-                );
+                let expected = run.direction[axis] * (1.0 + self.witnesses.level_excess[row].0);
+                seen.add(Observable::Reference, 3 * row + axis, ratio - expected);
             }
             // M[(sin x - h cos 2x)^3] = 3h/4, M[..^4] = 3/8 (1 + 4 h^2 + h^4), over the rms value's powers.
             let (h2, power) = (h * h, 0.5 * (1.0 + h * h));

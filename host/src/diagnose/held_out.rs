@@ -64,7 +64,9 @@ pub(super) fn shrink(
 fn folds(model: &CampaignModel) -> Vec<Vec<usize>> {
     let runs = &model.conditions().runs;
     let mut folds: Vec<Vec<usize>> = Vec::new();
-    for (row, run) in runs.iter().enumerate().filter(|(_, run)| run.made) {
+    let (observations, during) = (model.observations(), model.rows(Observable::During));
+    let used = |row: usize| runs[row].made && observations.weight(during.start + row) > 0.0;
+    for (row, run) in runs.iter().enumerate().filter(|(row, _)| used(*row)) {
         let key = (run.kind, run.band_hz, run.specific_force_g.i);
         let alike = |fold: &&mut Vec<usize>| {
             let first = &runs[fold[0]];

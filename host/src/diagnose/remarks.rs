@@ -58,7 +58,7 @@ pub(super) fn sessions(model: &CampaignModel, fit: &Fit) -> Vec<SessionEstimate>
     let scale = fit.base_values[0];
     let mut sessions: Vec<SessionEstimate> = Vec::new();
     for (k, nuisance) in model.nuisances().iter().enumerate() {
-        if nuisance.kind == Kind::TableLevel {
+        if nuisance.session.is_empty() {
             continue;
         }
         let unknown = NOMINAL + k;
@@ -89,7 +89,7 @@ pub(super) fn sessions(model: &CampaignModel, fit: &Fit) -> Vec<SessionEstimate>
                     ..estimate
                 });
             }
-            Kind::TableLevel => {}
+            Kind::TableLevel | Kind::DetectorGain => {}
         }
     }
     sessions

@@ -8,6 +8,7 @@
 use inference::adequacy::leverages;
 use inference::fit::{Fit, fit_base};
 use inference::model::SeparableModel;
+use inference::observations::Column;
 use inference::outlier::distances;
 use inference::search::{Search, SearchPolicy, search};
 
@@ -19,6 +20,10 @@ use crate::forward::contribution::Observable;
 
 /// Distance in standard deviations from which on a row does not belong: by chance one of 1e9.
 const GROSS: f64 = 6.0;
+/// Distance up to which a row that was set aside belongs after all.
+const STILL_GROSS: f64 = 5.0;
+/// Plateaus of a run.
+const PLATEAUS: [Observable; 3] = [Observable::Before, Observable::During, Observable::After];
 /// Most rows of a table that are set aside, as a share and at least.
 const MOST_SHARE: f64 = 0.05;
 const MOST: usize = 3;
@@ -67,15 +72,15 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
     let plain = CampaignModel::assuming(campaign, &[], effects, &stated);
     let flexible = judge(campaign, &plain, &fit_base(&plain)?, true, &stated);
     let mut best = attempt(campaign, effects, stated)?;
-    if !agree(&flexible.assumptions, &best.assumptions) {
-        best = better(best, attempt(campaign, effects, flexible.assumptions)?);
+    if !agree(&flexible, &best.assumptions) {
+        best = better(best, attempt(campaign, effects, flexible)?);
     }
     for _ in 0..ROUNDS {
         let judged = judge(campaign, &best.model, best.fit(), false, &best.assumptions);
-        if agree(&judged.assumptions, &best.assumptions) {
+        if agree(&judged, &best.assumptions) {
             break;
         }
-        let next = attempt(campaign, effects, judged.assumptions)?;
+        let next = attempt(campaign, effects, judged)?;
         if next.weight() < best.weight() {
             break;
         }
@@ -168,72 +173,99 @@ fn agree(one: &Assumptions, other: &Assumptions) -> bool {
         && factors.map(alike).all(|alike| alike)
 }
 
-/// What a fit says of the assumptions that it was made under.
-struct Judged {
-    assumptions: Assumptions,
-}
-
-/// Judges noise and rows by a fit; `flexible` lets smooth functions of the conditions take what the fit leaves.
+/// What a fit says of the assumptions that it was made under: noise and rows judged by it. `flexible` lets smooth functions
+/// of the conditions take what the fit leaves.
 fn judge(
     campaign: &Campaign,
     model: &CampaignModel,
     fit: &Fit,
     flexible: bool,
     under: &Assumptions,
-) -> Judged {
-    let further = if flexible {
-        model.smooth_families().into_iter().flatten().collect()
-    } else {
-        Vec::new()
-    };
-    let distances = distances(model, fit, &further);
-    let mut assumptions = Assumptions::default();
-    for noise in Noise::ALL {
-        let seen = rows(model, noise)
-            .into_iter()
-            .map(|row| distances[row].abs());
-        let seen: Vec<f64> = seen.filter(|z| *z > 0.0).collect();
-        assumptions.noise_factor[noise as usize] = factor(seen, under.factor(noise));
+) -> Assumptions {
+    let mut further: Vec<Column> = Vec::new();
+    if flexible {
+        further.extend(model.smooth_families().into_iter().flatten());
     }
-    let relative = |noise: Noise| assumptions.factor(noise) / under.factor(noise);
-    let [readings, plateaus, drift] = Noise::ALL.map(relative);
-    // A row that is set aside already counts by what it would be.
+    let mut judged = Assumptions::default();
+    for suspect in suspects(campaign, model, fit, under) {
+        if suspect.distance.abs() > STILL_GROSS {
+            judged.set_aside(suspect.reading, suspect.place);
+        }
+    }
+    // One row at a time: a bad one makes its neighbours look bad.
+    loop {
+        let distances = distances(model, fit, &further);
+        for noise in Noise::ALL {
+            let seen = rows(model, noise)
+                .into_iter()
+                .map(|row| distances[row].abs());
+            let seen: Vec<f64> = seen.filter(|z| *z > 0.0).collect();
+            judged.noise_factor[noise as usize] = factor(seen, under.factor(noise));
+        }
+        let Some((reading, place)) = farthest(campaign, model, &distances, under, &judged) else {
+            return judged;
+        };
+        judged.set_aside(reading, place);
+        further.extend(shifts(model, reading, place));
+    }
+}
+
+/// The row that lies farthest from what the others say of it, if it does not belong and may still be set aside: whether it
+/// is a reading, and its place.
+fn farthest(
+    campaign: &Campaign,
+    model: &CampaignModel,
+    distances: &[f64],
+    under: &Assumptions,
+    judged: &Assumptions,
+) -> Option<(bool, usize)> {
+    let relative = |noise: Noise| judged.factor(noise) / under.factor(noise);
     let first = model.rows(Observable::Static).start;
-    let of_reading = |place: usize| (distances[first + place] / readings).abs();
-    let of_run = |place: usize| {
-        let row = model.row_of_run(place);
-        let at = |observable| distances[model.rows(observable).start + row].abs();
-        let plateau = at(Observable::Before)
-            .max(at(Observable::During))
-            .max(at(Observable::After));
-        (plateau / plateaus).max(at(Observable::Drift) / drift)
+    let readings = (0..campaign.readings.len())
+        .filter(|place| !judged.excluded_readings.contains(place))
+        .map(|place| {
+            let distance = (distances[first + place] / relative(Noise::Readings)).abs();
+            (distance, (true, place))
+        });
+    let runs = (0..campaign.runs.len())
+        .filter(|place| !judged.excluded_runs.contains(place))
+        .map(|place| {
+            let row = model.row_of_run(place);
+            let at = |o: Observable| distances[model.rows(o).start + row].abs();
+            let plateau = PLATEAUS.map(at).into_iter().fold(0.0, f64::max);
+            let drift = at(Observable::Drift) / relative(Noise::Drift);
+            (
+                (plateau / relative(Noise::Plateaus)).max(drift),
+                (false, place),
+            )
+        });
+    let full = |set_aside: usize, count: usize| {
+        set_aside >= ((MOST_SHARE * count as f64) as usize).max(MOST)
     };
-    let gross = |count: usize,
-                 distance: &dyn Fn(usize) -> f64,
-                 kept: &std::collections::BTreeSet<usize>| {
-        let mut far: Vec<(usize, f64)> = (0..count)
-            .filter(|place| !kept.contains(place))
-            .map(|place| (place, distance(place)))
-            .filter(|(_, distance)| *distance > GROSS)
-            .collect();
-        far.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let most = ((MOST_SHARE * count as f64) as usize)
-            .max(MOST)
-            .saturating_sub(kept.len());
-        far.truncate(most);
-        let places = far
-            .into_iter()
-            .map(|(place, _)| place)
-            .chain(kept.iter().copied());
-        places.collect()
+    let (distance, row) = readings.chain(runs).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let full = match row.0 {
+        true => full(judged.excluded_readings.len(), campaign.readings.len()),
+        false => full(judged.excluded_runs.len(), campaign.runs.len()),
     };
-    assumptions.excluded_readings = gross(
-        campaign.readings.len(),
-        &of_reading,
-        &under.excluded_readings,
-    );
-    assumptions.excluded_runs = gross(campaign.runs.len(), &of_run, &under.excluded_runs);
-    Judged { assumptions }
+    (distance > GROSS && !full).then_some(row)
+}
+
+/// Columns of shifts of free size in a reading, or in every plateau and the drift of a run.
+fn shifts(model: &CampaignModel, reading: bool, place: usize) -> Vec<Column> {
+    let observations = model.observations();
+    let unit = |observable: Observable, row: usize| {
+        let mut column = Column::zero(observations.len());
+        column.add_at(model.rows(observable), row, 1.0);
+        observations.whiten(column)
+    };
+    if reading {
+        return vec![unit(Observable::Static, place)];
+    }
+    let row = model.row_of_run(place);
+    let observables = PLATEAUS.into_iter().chain([Observable::Drift]);
+    observables
+        .map(|observable| unit(observable, row))
+        .collect()
 }
 
 /// Rows that tell the noise of a kind: plateaus at rest, since those during runs hold the vibration error.

@@ -119,6 +119,8 @@ pub struct Witnesses {
     pub reference_rel_sigma: f64,
     /// Relative excess of a sine's mean square that the reference saw over the command's.
     pub power_excess: f64,
+    /// Of each run the table's level over its command, less 1, and its variance.
+    pub level_excess: Vec<(f64, f64)>,
 }
 
 impl Witnesses {
@@ -137,6 +139,7 @@ impl Witnesses {
             reference: runs.iter().map(|run| run.reference).collect(),
             reference_rel_sigma,
             power_excess: power_excess(runs, reference_rel_sigma),
+            level_excess: vec![(0.0, 0.0); runs.len()],
         }
     }
 }
@@ -167,18 +170,35 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// Of a campaign's readings and of runs in the order of time, moving as commanded.
-    pub fn new(campaign: &Campaign, runs: &[&Run], coefficients: Coefficients<f64>) -> Self {
+    /// Of a campaign's readings and of runs in the order of time, moving as command and reference together say.
+    pub fn new(
+        campaign: &Campaign,
+        runs: &[&Run],
+        witnesses: &Witnesses,
+        coefficients: Coefficients<f64>,
+    ) -> Self {
         let readings: Rc<[_]> = campaign
             .readings
             .iter()
             .map(ReadingConditions::from)
             .collect();
-        let motion = |run: &&Run| Motion::commanded(&(*run).into(), run.reference.as_ref());
+        let motion = |(run, (excess, variance)): (&&Run, &(f64, f64))| {
+            let mut motion = Motion::commanded(&(*run).into(), run.reference.as_ref());
+            if *excess != 0.0 {
+                motion.scale(1.0 + excess);
+            }
+            // The mean square follows the level twice.
+            motion.power_variance = 4.0 * variance;
+            motion
+        };
         let conditions: Rc<[RunConditions]> = runs.iter().map(|run| (*run).into()).collect();
         let bench = &campaign.config.bench;
         Self {
-            motions: runs.iter().map(motion).collect(),
+            motions: runs
+                .iter()
+                .zip(&witnesses.level_excess)
+                .map(motion)
+                .collect(),
             averages: Rc::new(Averages::new(&conditions)),
             bands: Rc::new(Bands::new(&conditions)),
             readings,
