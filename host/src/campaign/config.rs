@@ -229,6 +229,22 @@ impl CampaignConfig {
                 return fail(key, Problem::NotPositive(value));
             }
         }
+        for (key, value, low, high) in self.ranges() {
+            if !value.is_finite() {
+                return fail(key, Problem::NotFinite(value.to_string()));
+            }
+            if !(low..=high).contains(&value) {
+                return fail(key, Problem::OutOfRange { value, low, high });
+            }
+            if key.ends_with("_arcsec") && value > 0.0 && value < SMALLEST_SIGMA_ARCSEC {
+                let problem = format!("{value} is neither 0 nor at least {SMALLEST_SIGMA_ARCSEC}");
+                return fail(key, problem.into());
+            }
+        }
+        Ok(())
+    }
+    /// Numbers of bench and shaker by their keys, each with its least and its greatest value.
+    fn ranges(&self) -> impl Iterator<Item = (&'static str, f64, f64, f64)> {
         let bench = &self.bench;
         let ranges = [
             ("dial_sigma_arcsec", bench.dial_sigma_arcsec, 0.0, 36_000.0),
@@ -261,18 +277,6 @@ impl CampaignConfig {
                 1.0,
             )
         });
-        for (key, value, low, high) in ranges.into_iter().chain(relative) {
-            if !value.is_finite() {
-                return fail(key, Problem::NotFinite(value.to_string()));
-            }
-            if !(low..=high).contains(&value) {
-                return fail(key, Problem::OutOfRange { value, low, high });
-            }
-            if key.ends_with("_arcsec") && value > 0.0 && value < SMALLEST_SIGMA_ARCSEC {
-                let problem = format!("{value} is neither 0 nor at least {SMALLEST_SIGMA_ARCSEC}");
-                return fail(key, problem.into());
-            }
-        }
-        Ok(())
+        ranges.into_iter().chain(relative)
     }
 }
