@@ -46,7 +46,8 @@ pub fn predict_refitted<'e>(
     }
     let fit = fit_all(&mut model, &members)
         .ok_or_else(|| Error::Usage("the campaign does not determine the nominal model".into()))?;
-    let predictor = model.in_g();
+    let nuisances = model.nuisances().len();
+    let predictor = model.in_g(nuisances);
     let forecast = Forecast::new(&predictor, &fit);
     let commanded = &predictor.conditions().motions;
     let unseen = predictor.unseen_variance_g2(

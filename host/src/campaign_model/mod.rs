@@ -150,25 +150,23 @@ impl CampaignModel {
         }
     }
 
-    /// The same rows, runs in g, for predictions; sessions and the table's level have no part in them.
-    pub fn in_g(self) -> Self {
+    /// The same rows, runs in g, for predictions by fits of a model of so many nuisances: sessions, the table's level and the
+    /// peak detector have no part in them.
+    pub fn in_g(self, nuisances: usize) -> Self {
         let observations = self.observations.in_units();
         let mut columns = nominal::design(&self.conditions, &self.layout, &self.conditions.motions);
-        columns.extend(
-            self.nuisances
-                .iter()
-                .map(|_| Column::zero(self.layout.len())),
-        );
+        columns.extend((0..nuisances).map(|_| Column::zero(self.layout.len())));
+        let unknowns = columns.len();
         let columns = columns
             .into_iter()
             .map(|column| observations.whiten(column));
-        let columns = columns.collect();
-        let (precision, mean) = (
-            self.base.prior_precision.clone(),
-            self.base.prior_mean.clone(),
-        );
         Self {
-            base: Base::new(&observations, columns, precision, mean),
+            base: Base::new(
+                &observations,
+                columns.collect(),
+                vec![1.0; unknowns],
+                vec![0.0; unknowns],
+            ),
             kept: Kept::default(),
             observations,
             ..self

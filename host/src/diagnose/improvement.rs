@@ -72,7 +72,7 @@ pub(super) fn expected_improvement(
         scale_v_per_g,
     );
     predictor.believe(model.conditions().coefficients);
-    let predictor = predictor.in_g();
+    let predictor = predictor.in_g(model.nuisances().len());
     let new_runs = campaign.runs.len()..campaign.runs.len() + further.len();
     let rows: Vec<usize> = new_runs.map(|place| predictor.row_of_run(place)).collect();
     let mut closed = draws(&predictor, &rows, search, shown);
