@@ -19,7 +19,8 @@ use crate::bench::plan::{CHANGEOVER_S, Dwell, READING_INTERVAL_S, RUN_INTERVAL_S
 use crate::bench::shaker::Shaker;
 use crate::bench::simulate::VirtualBench;
 use crate::campaign::{
-    Approach, Campaign, CampaignConfig, Measured, Reading, ReferenceMoments, Run, VibrationKind,
+    Approach, Campaign, CampaignConfig, Drift, Measured, Reading, ReferenceMoments, Run,
+    VibrationKind,
 };
 use crate::error::Error;
 use crate::front_end::FrontEnd;
@@ -471,6 +472,8 @@ impl Tables<'_> {
             temp_c,
             output_v: self.mean_v(self.dwell(order)?)?,
             sigma_v: self.dwell_sigma_v,
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         })
     }
@@ -498,13 +501,17 @@ impl Tables<'_> {
             measured: Some(Measured {
                 before_v: self.mean_v(self.plateau(number, Plateau::Before)?)?,
                 during_v: self.mean_v(during)?,
-                after_v: self.mean_v(self.plateau(number, Plateau::After)?)?,
+                after_v: Some(self.mean_v(self.plateau(number, Plateau::After)?)?),
                 sigma_v: self.plateau_sigma_v,
-                drift_v_per_s: scale * drift,
-                drift_sigma_v_per_s: scale * drift_sigma,
+                drift: Some(Drift {
+                    v_per_s: scale * drift,
+                    sigma_v_per_s: scale * drift_sigma,
+                }),
                 extremes: None,
             }),
             reference: Some(self.reference(shaken, during)?),
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         })
     }

@@ -2,6 +2,8 @@
 //! level of its own for a given command. They are unknowns of the base with priors, integrated out and reported, never
 //! called a gap.
 
+use shared::tumble::ARCSEC_RAD;
+
 use crate::campaign::{Campaign, Run, VibrationKind};
 use crate::forward::conditions::Conditions;
 use crate::forward::contribution::{Contribution, Layout, Observable};
@@ -48,6 +50,11 @@ pub struct Sessions {
     readings: Vec<usize>,
     /// `None` of a run that is to be predicted.
     runs: Vec<Option<usize>>,
+    /// Standard uncertainties of what differs from session to session, and of the peak detector's gain.
+    bias_sigma_g: f64,
+    alignment_sigma_rad: f64,
+    gain_sigma: f64,
+    detector_gain_sigma: f64,
 }
 
 impl Sessions {
@@ -63,15 +70,31 @@ impl Sessions {
                     names.len() - 1
                 })
         };
-        let readings = campaign.readings.iter().map(|_| number("static")).collect();
-        let runs = runs
-            .iter()
-            .map(|run| run.measured.is_some().then(|| number("shaker")))
+        let readings = campaign.readings.iter();
+        let readings = readings
+            .map(|reading| number(reading.session.as_deref().unwrap_or("static")))
             .collect();
+        let runs = runs.iter().map(|run| {
+            let session = run.session.as_deref().unwrap_or("shaker");
+            run.measured.is_some().then(|| number(session))
+        });
+        let runs = runs.collect();
+        let bench = &campaign.config.bench;
         Self {
             names,
             readings,
             runs,
+            bias_sigma_g: bench.session_bias_sigma_g.unwrap_or(BIAS_G),
+            alignment_sigma_rad: bench
+                .session_alignment_sigma_arcsec
+                .map_or(ALIGNMENT_RAD, |arcsec| arcsec * ARCSEC_RAD),
+            gain_sigma: bench.session_gain_rel_sigma.unwrap_or(GAIN),
+            detector_gain_sigma: campaign
+                .config
+                .shaker
+                .as_ref()
+                .and_then(|shaker| shaker.peak_gain_rel_sigma)
+                .unwrap_or(DETECTOR_GAIN),
         }
     }
 }
@@ -104,14 +127,22 @@ pub fn nuisances(
                 ));
             }
         };
-        add(Kind::Bias, BIAS_G, session.everywhere(|_| 1.0));
-        add(Kind::Alignment, ALIGNMENT_RAD, session.everywhere(|a| a[2]));
+        add(
+            Kind::Bias,
+            sessions.bias_sigma_g,
+            session.everywhere(|_| 1.0),
+        );
         add(
             Kind::Alignment,
-            ALIGNMENT_RAD,
+            sessions.alignment_sigma_rad,
+            session.everywhere(|a| a[2]),
+        );
+        add(
+            Kind::Alignment,
+            sessions.alignment_sigma_rad,
             session.everywhere(|a| -a[1]),
         );
-        add(Kind::Gain, GAIN, session.gain());
+        add(Kind::Gain, sessions.gain_sigma, session.gain());
     }
     if table_sigma > 0.0 {
         let nuisance = Nuisance {
@@ -121,12 +152,14 @@ pub fn nuisances(
         };
         all.push((nuisance, table_level(conditions, layout)));
     }
-    let nuisance = Nuisance {
-        kind: Kind::DetectorGain,
-        session: String::new(),
-        sigma: DETECTOR_GAIN,
-    };
-    all.push((nuisance, detector_gain(conditions, layout)));
+    if sessions.detector_gain_sigma > 0.0 {
+        let nuisance = Nuisance {
+            kind: Kind::DetectorGain,
+            session: String::new(),
+            sigma: sessions.detector_gain_sigma,
+        };
+        all.push((nuisance, detector_gain(conditions, layout)));
+    }
     all
 }
 

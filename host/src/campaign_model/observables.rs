@@ -175,16 +175,16 @@ impl Seen<'_> {
     /// The plateaus, the drift, and the extremes where they tell anything.
     fn output(&mut self, row: usize, run: &Run, measured: &Measured) {
         let scale = self.scale_v_per_g;
-        let noise = self.assumptions.factor(Noise::Plateaus) * measured.sigma_v / scale;
+        let noise = self.assumptions.factor(Noise::Plateaus) * measured.sigma_v / scale.abs();
         self.put(Observable::Before, row, measured.before_v / scale, noise);
         self.put(Observable::During, row, measured.during_v / scale, noise);
-        self.put(Observable::After, row, measured.after_v / scale, noise);
-        self.put(
-            Observable::Drift,
-            row,
-            measured.drift_v_per_s / scale,
-            self.assumptions.factor(Noise::Drift) * measured.drift_sigma_v_per_s / scale,
-        );
+        if let Some(after_v) = measured.after_v {
+            self.put(Observable::After, row, after_v / scale, noise);
+        }
+        if let Some(drift) = measured.drift {
+            let noise = self.assumptions.factor(Noise::Drift) * drift.sigma_v_per_s / scale.abs();
+            self.put(Observable::Drift, row, drift.v_per_s / scale, noise);
+        }
         let excursion = (run.direction[0] * run.level_g).abs();
         let Some(extremes) = measured.extremes.filter(|_| excursion > EXTREME_LEAST_G) else {
             return;
@@ -194,18 +194,9 @@ impl Seen<'_> {
             VibrationKind::Sine => (EXTREME_REL_SIGMA * excursion, 1.0),
             VibrationKind::Random => (4.0 * EXTREME_REL_SIGMA * excursion, 0.0),
         };
-        self.put(
-            Observable::Maximum,
-            row,
-            seen * extremes.maximum_v / scale,
-            sigma,
-        );
-        self.put(
-            Observable::Minimum,
-            row,
-            seen * extremes.minimum_v / scale,
-            sigma,
-        );
+        let [least_g, most_g] = extremes.over(scale);
+        self.put(Observable::Maximum, row, seen * most_g, sigma);
+        self.put(Observable::Minimum, row, seen * least_g, sigma);
     }
 
     /// What the reference says of the command, and of a sine's shape.
@@ -258,10 +249,11 @@ pub fn scale_factor(campaign: &Campaign) -> f64 {
         au += force * output;
     }
     let slope = (n * au - a * u) / (n * aa - a * a);
-    if slope.is_finite() && slope > 0.0 {
+    let nominal = campaign.config.instrument.scale_factor_nominal_v_per_g;
+    if slope.is_finite() && slope * nominal > 0.0 {
         slope
     } else {
-        campaign.config.instrument.scale_factor_nominal_v_per_g
+        nominal
     }
 }
 

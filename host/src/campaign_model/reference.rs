@@ -42,7 +42,8 @@ pub struct Reference {
 impl Reference {
     /// Of a campaign's reference; `None` without one.
     pub fn of(campaign: &Campaign, runs: &[&Run]) -> Option<Self> {
-        let stated = campaign.config.shaker.as_ref()?.reference_rms_rel_sigma;
+        let shaker = campaign.config.shaker.as_ref()?;
+        let stated = shaker.reference_rms_rel_sigma;
         let made: Vec<&Run> = runs
             .iter()
             .copied()
@@ -51,7 +52,7 @@ impl Reference {
         if made.is_empty() {
             return None;
         }
-        let noise_g = noise_g(&made);
+        let noise_g = shaker.reference_noise_g.unwrap_or_else(|| noise_g(&made));
         let seen: Vec<(RunConditions, [f64; 3])> = made
             .iter()
             .filter_map(|run| {
@@ -72,9 +73,15 @@ impl Reference {
             noise_g,
             scatter,
             table_scatter,
-            gain_sigma: (FEW * root_mean_square(&gains(&usual))).min(MOST_GAIN),
+            gain_sigma: shaker
+                .reference_gain_rel_sigma
+                .unwrap_or_else(|| (FEW * root_mean_square(&gains(&usual))).min(MOST_GAIN)),
             usual,
-            cross_sigma: root_mean_square(&cross).min(CROSS_SENSITIVITY),
+            cross_sigma: root_mean_square(&cross).min(
+                shaker
+                    .reference_cross_sensitivity
+                    .unwrap_or(CROSS_SENSITIVITY),
+            ),
         })
     }
 }

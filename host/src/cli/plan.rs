@@ -236,12 +236,12 @@ impl Plan {
             "paper" => paper_plan().collect(),
             "full" => full_rank_plan().collect(),
             _ if path.is_dir() => {
-                let campaign = Campaign::read(path)?;
+                let campaign = Campaign::read(path)?.used();
                 conditions.bench = statics::bench(&campaign.config.bench);
                 let k1 = campaign.config.instrument.scale_factor_nominal_v_per_g;
                 let n = campaign.readings.len() as f64;
                 conditions.noise_g =
-                    campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1;
+                    campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1.abs();
                 campaign.readings.iter().map(statics::position).collect()
             }
             _ => read_plan(path)?,

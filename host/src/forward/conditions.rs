@@ -15,7 +15,7 @@ use crate::statics::position;
 pub struct ReadingConditions {
     /// Sequence number.
     pub order: u64,
-    /// Time since the campaign's start, s.
+    /// Time, s; among those of a model since the campaign's first row.
     pub time_s: f64,
     /// Which axis lies along the head's.
     pub series: Series,
@@ -51,7 +51,7 @@ impl From<&Reading> for ReadingConditions {
 pub struct RunConditions {
     /// Run number.
     pub number: u64,
-    /// Time of the centre of the plateau before the vibration, s.
+    /// Time of the centre of the plateau before the vibration, s; among those of a model since the campaign's first row.
     pub time_s: f64,
     /// Kind of the vibration.
     pub kind: VibrationKind,
@@ -126,12 +126,7 @@ pub struct Witnesses {
 impl Witnesses {
     /// Of runs in the order of time, outputs divided by a scale factor.
     pub fn new(campaign: &Campaign, runs: &[&Run], scale_v_per_g: f64) -> Self {
-        let extremes_g = |run: &&Run| {
-            let extremes = run.measured?.extremes?;
-            Some(
-                [extremes.minimum_v, extremes.maximum_v].map(|extreme_v| extreme_v / scale_v_per_g),
-            )
-        };
+        let extremes_g = |run: &&Run| Some(run.measured?.extremes?.over(scale_v_per_g));
         let shaker = campaign.config.shaker.as_ref();
         let reference_rel_sigma = shaker.map_or(0.0, |s| s.reference_rms_rel_sigma);
         Self {
@@ -177,11 +172,12 @@ impl Conditions {
         witnesses: &Witnesses,
         coefficients: Coefficients<f64>,
     ) -> Self {
-        let readings: Rc<[_]> = campaign
-            .readings
-            .iter()
-            .map(ReadingConditions::from)
-            .collect();
+        let start_s = campaign.start_s();
+        let reading = |reading: &Reading| ReadingConditions {
+            time_s: reading.time_s - start_s,
+            ..reading.into()
+        };
+        let readings: Rc<[_]> = campaign.readings.iter().map(reading).collect();
         let motion = |(run, (excess, variance)): (&&Run, &(f64, f64))| {
             let mut motion = Motion::commanded(&(*run).into(), run.reference.as_ref());
             if *excess != 0.0 {
@@ -191,7 +187,11 @@ impl Conditions {
             motion.power_variance = 4.0 * variance;
             motion
         };
-        let conditions: Rc<[RunConditions]> = runs.iter().map(|run| (*run).into()).collect();
+        let run = |run: &&Run| RunConditions {
+            time_s: run.time_s - start_s,
+            ..(*run).into()
+        };
+        let conditions: Rc<[RunConditions]> = runs.iter().map(run).collect();
         let bench = &campaign.config.bench;
         Self {
             motions: runs
