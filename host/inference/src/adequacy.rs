@@ -1,6 +1,8 @@
 //! Whether a fit leaves more than noise: what it leaves in each observable, and what smooth functions of the conditions
 //! would still explain.
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
 use crate::fit::Fit;
 use crate::model::SeparableModel;
 use crate::observations::Column;
@@ -114,9 +116,61 @@ pub fn gap(model: &dyn SeparableModel, fit: &Fit) -> Vec<f64> {
     gap
 }
 
-/// Probability that chi-square exceeds a value, by Wilson and Hilferty's cube root.
+/// Probability that chi-square of so many degrees of freedom, a whole number or not, exceeds a value.
 fn chi2_tail(value: f64, freedom: f64) -> f64 {
-    let variance = 2.0 / (9.0 * freedom);
-    let z = ((value / freedom).max(0.0).cbrt() - (1.0 - variance)) / variance.sqrt();
-    0.5 * libm::erfc(z * std::f64::consts::FRAC_1_SQRT_2)
+    ChiSquared::new(freedom).map_or(1.0, |distribution| distribution.sf(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Percentage points of Pearson and Hartley, Biometrika Tables for Statisticians (1966), table 8.
+    #[test]
+    fn chi_square_tails_are_the_published_ones() {
+        for (freedom, p, value) in [
+            (1.0, 0.05, 3.84146),
+            (1.0, 0.001, 10.828),
+            (2.0, 0.001, 13.816),
+            (5.0, 0.001, 20.515),
+            (10.0, 0.005, 25.1882),
+            (30.0, 0.95, 18.4926),
+            (100.0, 0.001, 149.449),
+        ] {
+            let found = chi2_tail(value, freedom);
+            assert!((found / p - 1.0).abs() < 5e-4, "{freedom} {value}: {found}");
+        }
+    }
+
+    /// Of an even number of degrees of freedom it is a sum of Poisson's probabilities, of 1 twice the normal tail; half a
+    /// degree lies between.
+    #[test]
+    fn chi_square_tails_are_right_where_they_decide() {
+        let poisson = |value: f64, half: i32| -> f64 {
+            let mut term = (-0.5 * value).exp();
+            let mut sum = term;
+            for k in 1..half {
+                term *= 0.5 * value / f64::from(k);
+                sum += term;
+            }
+            sum
+        };
+        for (value, half) in [(23.0, 1), (28.5, 2), (33.1, 3), (90.0, 20), (2000.0, 400)] {
+            let (found, sum) = (
+                chi2_tail(value, 2.0 * f64::from(half)),
+                poisson(value, half),
+            );
+            assert!(
+                (found / sum - 1.0).abs() < 1e-9,
+                "{value} {half}: {found} {sum}"
+            );
+        }
+        // Five standard deviations, both tails.
+        assert!((chi2_tail(25.0, 1.0) / 5.733_031e-7 - 1.0).abs() < 1e-6);
+        let between = [1.0, 1.5, 2.0, 2.5, 3.0].map(|freedom| chi2_tail(20.0, freedom));
+        assert!(between.is_sorted());
+        assert!(between[1] > (between[0] * between[2]).sqrt() && between[1] < between[2]);
+        assert_eq!(chi2_tail(1e6, 3.0), 0.0);
+        assert_eq!(chi2_tail(0.0, 0.7), 1.0);
+    }
 }

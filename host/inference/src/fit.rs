@@ -3,7 +3,7 @@
 //! Unknowns of the base and parameters in proportion are solved for exactly; the others by Gauss-Newton steps from a start
 //! (variable projection).
 
-use crate::evidence::{log_prior, log_volume};
+use crate::evidence::{Ended, log_evidence};
 use crate::linear::{Solution, Weighing, solve};
 use crate::model::{Fidelity, Kind, Member, Prediction, SeparableModel, linear_precision};
 use crate::observations::Column;
@@ -204,7 +204,8 @@ fn line_search(
     None
 }
 
-fn solve_linear(
+/// The unknowns of the base and all in proportion, at the members' other values.
+pub(crate) fn solve_linear(
     model: &dyn SeparableModel,
     members: &[Member],
     prediction: &Prediction,
@@ -447,21 +448,33 @@ fn finish(
     }
     unknowns.extend(nonlinear);
     let fitted = predicted(model, &prediction, &solution.x);
-    let residuals = residuals(model, &fitted, &weighing.precision_factor);
     let factor = if nonlinear.is_empty() {
         solution.factor
     } else {
         solve(model, &prediction, &derivatives, &precision, &weighing)?.factor
     };
-    let objective = solution.objective + log_variance;
-    let volume = log_volume(unknowns.len(), &factor);
+    let left = residuals(model, &fitted, &vec![1.0; weighing.precision_factor.len()]);
+    let left = model.observations().column(left);
+    let roots = weighing.precision_factor.iter().map(|factor| factor.sqrt());
+    let residuals = model.observations().times(&left, roots).values;
+    let slope = |column| {
+        model
+            .observations()
+            .dot(column, &left, &weighing.precision_factor)
+    };
+    let ended = Ended {
+        objective: solution.objective + log_variance,
+        factor: &factor,
+        slopes: &derivatives.iter().map(slope).collect::<Vec<_>>(),
+        held: &precision[precision.len() - nonlinear.len()..],
+    };
     Some(Fit {
-        log_evidence: 0.5 * (volume - objective) + log_prior(model, &members),
+        log_evidence: log_evidence(model, &members, &ended, &weighing),
         covariance: factor.inverse(),
         columns: columns_of(model, &prediction, derivatives),
         base_values: solution.x[..base].to_vec(),
         members,
-        objective,
+        objective: ended.objective,
         unknowns,
         residuals,
         precision_factor: weighing.precision_factor,

@@ -67,6 +67,12 @@ impl Cholesky {
             .sum()
     }
 
+    /// Of a variable with this matrix as its precision: the standard deviation of element `i` where all later ones are known
+    /// and no earlier one is.
+    pub(crate) fn sigma_given_later(&self, i: usize) -> f64 {
+        1.0 / self.lower[i * self.order + i]
+    }
+
     /// The inverse, row by row.
     pub fn inverse(&self) -> Vec<f64> {
         let n = self.order;

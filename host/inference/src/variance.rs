@@ -10,7 +10,7 @@ const STEPS: i32 = 200;
 const ROUNDS: usize = 3;
 
 /// Fits members from their values; the size of one that adds variance is found anew after each fit.
-pub(crate) fn fit_with_size(
+pub fn fit_with_size(
     model: &dyn SeparableModel,
     members: Vec<Member>,
     precision_factor: &[f64],

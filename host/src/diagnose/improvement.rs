@@ -23,8 +23,10 @@
 use inference::fit::Fit;
 use inference::linear::{Cholesky, inner_product};
 use inference::search::{Hypothesis, Search};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
-use super::random::SplitMix;
 use super::verdict::credible_set;
 use crate::campaign::{Campaign, ReferenceMoments, Run, VibrationKind};
 use crate::campaign_model::CampaignModel;
@@ -100,7 +102,7 @@ fn draws(predictor: &CampaignModel, rows: &[usize], search: &Search, shown: &Fit
     // That nothing acts may still hold.
     credible.extend(search.hypotheses.iter().find(|h| h.fit.members.is_empty()));
     let total: f64 = credible.iter().map(|h| h.probability).sum();
-    let mut random = SplitMix(1);
+    let mut random = ChaCha8Rng::seed_from_u64(1);
     let mut closed = Vec::with_capacity(DRAWS);
     for hypothesis in credible {
         let fit = &hypothesis.fit;
@@ -111,14 +113,17 @@ fn draws(predictor: &CampaignModel, rows: &[usize], search: &Search, shown: &Fit
         };
         let draws = (hypothesis.probability / total * DRAWS as f64).round() as usize;
         for _ in 0..draws {
-            let mut off: Vec<f64> = (0..unknowns).map(|_| random.normal()).collect();
+            let mut off: Vec<f64> = (0..unknowns)
+                .map(|_| random.sample(StandardNormal))
+                .collect();
             spread.times(&mut off);
             let (mut left, mut before) = (0.0, 0.0);
             for _ in 0..LIST {
-                let row = rows[random.index(rows.len())];
+                let row = rows[random.random_range(0..rows.len())];
+                let of_record: f64 = random.sample(StandardNormal);
                 let truth_g = says.vre_g[row]
                     + inner_product(&off, &says.slopes[row])
-                    + says.record_g2[row].sqrt() * random.normal();
+                    + says.record_g2[row].sqrt() * of_record;
                 left += (truth_g - with.vre_g[row]).powi(2);
                 before += (truth_g - refit.vre_g[row]).powi(2);
             }
@@ -143,14 +148,14 @@ fn between(runs: &[Run]) -> Vec<Run> {
     };
     let interval_s = (last.time_s - first.time_s) / made.len() as f64;
     let number = runs.iter().map(|run| run.run).max().unwrap_or(0);
-    let mut random = SplitMix(1);
+    let mut random = ChaCha8Rng::seed_from_u64(1);
     let drawn = made.iter().zip(1..).map(|(run, n)| {
         let mut alike = made.clone();
         alike.retain(|other| other.kind == run.kind);
         let mut pair = |first: &[&'_ Run], second: &[&'_ Run]| {
-            let one = random.index(first.len());
-            let other = random.index(second.len());
-            (one, other, random.uniform())
+            let one = random.random_range(0..first.len());
+            let other = random.random_range(0..second.len());
+            (one, other, random.random::<f64>())
         };
         let (one, other, part) = pair(&alike, &alike);
         let level_g = part * alike[one].level_g + (1.0 - part) * alike[other].level_g;

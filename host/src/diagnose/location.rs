@@ -4,9 +4,11 @@ use inference::adequacy::gap as base_gap;
 use inference::fit::Fit;
 use inference::model::SeparableModel;
 use inference::search::{Hypothesis, Search};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
 
 use super::answer::{Condition, Gap, ObservableShare, StageProbability, Where};
-use super::random::SplitMix;
 use crate::campaign::{Approach, Campaign};
 use crate::campaign_model::CampaignModel;
 use crate::campaign_model::observables::{GAP, name};
@@ -179,11 +181,10 @@ impl Table {
             .collect();
         let mut chance: Vec<f64> = Vec::with_capacity(PERMUTATIONS);
         let mut shuffled = self.excess.clone();
-        let mut random = SplitMix(0x9e37_79b9_7f4a_7c15);
+        // The same for the same campaign.
+        let mut random = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..PERMUTATIONS {
-            for last in (1..n).rev() {
-                shuffled.swap(last, random.index(last + 1));
-            }
+            shuffled.shuffle(&mut random);
             let best = binned.iter().map(|factor| factor.best(&shuffled, total).0);
             chance.push(best.fold(0.0, f64::max));
         }

@@ -18,7 +18,6 @@ mod next_tests;
 mod onboard;
 mod proposals;
 pub mod published;
-mod random;
 mod remarks;
 mod rows;
 mod settle;
