@@ -63,9 +63,12 @@ pub(crate) fn log_evidence(
                     over_sizes(model, members, m, range, weighing)
                 }
                 (_, Some(range)) => {
+                    // A fit that holds some of them is compared with none.
+                    let Some((slope, held)) = nonlinear.next() else {
+                        continue;
+                    };
                     let sigma = ended.factor.sigma_given_later(unknown);
                     unknown += 1;
-                    let (slope, held) = nonlinear.next().unwrap_or((&0.0, &0.0));
                     over_range(prior.inner(member.values[k]), sigma, (*slope, *held), range)
                 }
             };

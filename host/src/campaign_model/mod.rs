@@ -1,6 +1,7 @@
 //! The statistical model of a campaign: its observations, and what the nominal model and further effects predict of them.
 
 pub mod assumptions;
+pub mod judge;
 pub mod nuisances;
 pub mod observables;
 mod prediction;
@@ -260,6 +261,28 @@ impl CampaignModel {
         let (during, before) = self.vre_rows(run);
         let weight = |row| self.observations.weight(row);
         values[during] / weight(during) - values[before] / weight(before)
+    }
+
+    /// Rows of the runs that were made and are not set aside, in blocks of one kind, band and gravity along IA.
+    pub fn blocks(&self) -> Vec<Vec<usize>> {
+        let (runs, during) = (&self.conditions.runs, self.layout.rows(Observable::During));
+        let used =
+            |row: usize| runs[row].made && self.observations.weight(during.start + row) > 0.0;
+        let mut blocks: Vec<Vec<usize>> = Vec::new();
+        for row in (0..runs.len()).filter(|&row| used(row)) {
+            let key = |row: usize| {
+                (
+                    runs[row].kind,
+                    runs[row].band_hz,
+                    runs[row].specific_force_g.i,
+                )
+            };
+            match blocks.iter_mut().find(|block| key(block[0]) == key(row)) {
+                Some(block) => block.push(row),
+                None => blocks.push(vec![row]),
+            }
+        }
+        blocks
     }
 
     /// The static readings alone: unknowns of the base.

@@ -247,6 +247,20 @@ pub struct Shrink {
     pub closed_fraction_interval_90: [f64; 2],
 }
 
+impl Shrink {
+    /// Effects of a gap that stays unexplained are not used in predictions, and close nothing.
+    pub(super) fn under(self, verdict: Verdict) -> Self {
+        match verdict {
+            Verdict::Unexplained => Self {
+                closed_fraction: 0.0,
+                closed_fraction_interval_90: [0.0; 2],
+                ..self
+            },
+            _ => self,
+        }
+    }
+}
+
 /// A proposed test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NextTest {

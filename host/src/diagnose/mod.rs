@@ -49,10 +49,12 @@ pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error>
     let effects = effects_but(without)?;
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
     let settled = settle(campaign, &effects).ok_or_else(undetermined)?;
-    let judgement = Judgement::of(&settled.search);
+    let best = &settled.search.hypotheses[0].fit;
+    let shrink = held_out::shrink(campaign, &settled.model, &settled.search, best);
+    let judgement = Judgement::of(&settled.search, shrink.as_ref());
     Ok(Study {
         rows: rows::rows(&settled.model, judgement.shown(&settled.search)),
-        diagnosis: answer(campaign, &settled, &judgement),
+        diagnosis: answer(campaign, &settled, &judgement, shrink),
     })
 }
 
@@ -68,11 +70,21 @@ fn effects_but(without: &[String]) -> Result<Vec<&'static Effect>, Error> {
     Ok(effects::catalogue().filter(kept).collect())
 }
 
-fn answer(campaign: &Campaign, settled: &Settled, judgement: &Judgement) -> Diagnosis {
+fn answer(
+    campaign: &Campaign,
+    settled: &Settled,
+    judgement: &Judgement,
+    shrink_of_best: Option<answer::Shrink>,
+) -> Diagnosis {
     let Settled { model, search, .. } = settled;
     let shown = judgement.shown(search);
     let verdict = judgement.verdict;
-    let shrink = held_out::shrink(campaign, model, search, shown);
+    // Where nothing is what is shown, it is held out instead.
+    let shrink = match std::ptr::eq(shown, &search.hypotheses[0].fit) {
+        true => shrink_of_best,
+        false => held_out::shrink(campaign, model, search, shown),
+    };
+    let shrink = shrink.map(|shrink| shrink.under(verdict));
     Diagnosis {
         format: answer::FORMAT.into(),
         serial: campaign.config.instrument.serial.clone(),
