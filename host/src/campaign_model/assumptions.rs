@@ -61,6 +61,11 @@ impl Assumptions {
         }
     }
 
+    /// Number of rows that do not belong.
+    pub fn rows(&self) -> usize {
+        self.excluded_readings.len() + self.excluded_runs.len()
+    }
+
     /// The factor of a kind of noise.
     pub fn factor(&self, noise: Noise) -> f64 {
         self.noise_factor[noise as usize]

@@ -16,6 +16,8 @@ use crate::campaign_model::judge::{Suspect, judge, noise, suspects};
 use crate::effects::Effect;
 use crate::forward::contribution::Observable;
 
+/// Rows up to which an effect may have been found for them alone.
+const FEW_ROWS: usize = 3;
 /// Most rounds of search and judgement.
 const ROUNDS: usize = 3;
 /// Change of a factor's logarithm up to which two judgements agree.
@@ -39,11 +41,17 @@ pub(super) struct Settled {
 /// Searches a campaign until assumptions and answer agree. `None` if it determines nothing.
 pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option<Settled> {
     let stated = Assumptions::default();
-    let plain = CampaignModel::assuming(campaign, &[], effects, &stated);
-    let flexible = judge(campaign, &plain, &fit_base(&plain)?, true, &stated);
-    let mut best = attempt(campaign, effects, stated)?;
-    if !agree(&flexible, &best.assumptions) {
-        best = better(best, attempt(campaign, effects, flexible)?);
+    let mut best = attempt(campaign, effects, stated.clone())?;
+    let by_answer = judge(campaign, &best.model, best.fit(), false, &stated);
+    let agreed = agree(&by_answer, &stated);
+    if !agreed || !best.fit().members.is_empty() {
+        // Effects may have been found for a few bad rows, or bad rows hidden by effects that are none.
+        let plain = CampaignModel::assuming(campaign, &[], effects, &stated);
+        let flexible = judge(campaign, &plain, &fit_base(&plain)?, true, &stated);
+        let few = (1..=FEW_ROWS).contains(&flexible.rows());
+        if !agree(&flexible, &stated) && (few || !agreed) {
+            best = better(best, attempt(campaign, effects, flexible)?);
+        }
     }
     for _ in 0..ROUNDS {
         let judged = judge(campaign, &best.model, best.fit(), false, &best.assumptions);
@@ -101,8 +109,7 @@ impl Attempt {
     /// Logarithm of the posterior weight of what it found, rows that do not belong and factors on the noise included, up to
     /// what all attempts share.
     fn weight(&self) -> f64 {
-        let excluded =
-            self.assumptions.excluded_readings.len() + self.assumptions.excluded_runs.len();
+        let excluded = self.assumptions.rows();
         // An error of a few tens of standard deviations under its own distribution, against a sound row's.
         let cost = -PRIOR_GROSS.ln() + (GROSS_WIDTH * (std::f64::consts::PI / 2.0).sqrt()).ln();
         let evidence = self.search.hypotheses[0].log_posterior_weight;
