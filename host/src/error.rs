@@ -39,6 +39,9 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+    /// The instrument's self-check came to something else than the same computation here.
+    #[error("instrument and host disagree by {0:.1e} of a coefficient")]
+    Disagreement(f64),
     /// A picture of the report could not be drawn.
     #[error("a picture cannot be drawn: {0}")]
     Picture(String),
@@ -76,7 +79,7 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::Read { .. } | Self::Usage(_) => 2,
-            Self::Write { .. } | Self::Picture(_) | Self::Link { .. } => 1,
+            Self::Write { .. } | Self::Picture(_) | Self::Link { .. } | Self::Disagreement(_) => 1,
         }
     }
 
@@ -254,7 +257,10 @@ fn with_unit(value: f64, unit: &str) -> String {
 
 /// Text from a file without the characters that steer a terminal: controls, and those that turn the direction of writing.
 pub fn printable(text: &str) -> String {
-    let steers = |c: char| c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let steers = |c: char| {
+        c.is_control()
+            || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
     text.chars().filter(|c| !steers(*c)).collect()
 }
 

@@ -15,8 +15,8 @@ use super::plan::{
 use super::reference;
 use super::shaker::Shaker;
 use crate::campaign::{
-    Acquisition, BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Bench, Campaign, CampaignConfig, Drift, Extremes,
-    Instrument, Measured, Reading, ReferenceMoments, Run, VibrationKind,
+    Acquisition, BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Bench, Campaign, CampaignConfig, Drift,
+    Extremes, Instrument, Measured, Reading, ReferenceMoments, Run, VibrationKind,
 };
 
 /// Steps of a recorded voltage in 1 V. The last bits of a computed number differ from one processor to another; what

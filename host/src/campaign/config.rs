@@ -1,7 +1,5 @@
 //! `campaign.toml`: which instrument, on which bench.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +8,7 @@ use super::keys;
 use super::ranges::{self, Range};
 use crate::error::{Error, Place, Problem, printable};
 use crate::front_end::FrontEnd;
+use crate::input::read_at_most;
 use crate::output::write_file;
 
 const FORMAT: &str = "vre-campaign/1";
@@ -211,16 +210,7 @@ impl CampaignConfig {
     /// # Errors
     /// Unreadable, not UTF-8, not TOML, another format, a missing key, or a value that cannot be.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let mut bytes = Vec::new();
-        File::open(file)
-            .and_then(|source| source.take(MAX_BYTES + 1).read_to_end(&mut bytes))
-            .map_err(Error::read(file))?;
-        if bytes.len() as u64 > MAX_BYTES {
-            return Err(Error::input(
-                file,
-                format!("has more than {MAX_BYTES} bytes"),
-            ));
-        }
+        let bytes = read_at_most(file, MAX_BYTES)?;
         let at = |offset: usize| Place {
             row: Some(
                 1 + bytes[..offset]
@@ -304,28 +294,64 @@ impl CampaignConfig {
                 Some(instrument.scale_factor_nominal_v_per_g),
                 &ranges::SCALE_FACTOR,
             ),
-            ("full_scale_g", Some(instrument.full_scale_g), &ranges::FULL_SCALE),
-            ("dial_sigma_arcsec", Some(bench.dial_sigma_arcsec), &ARCSEC_SIGMA),
+            (
+                "full_scale_g",
+                Some(instrument.full_scale_g),
+                &ranges::FULL_SCALE,
+            ),
+            (
+                "dial_sigma_arcsec",
+                Some(bench.dial_sigma_arcsec),
+                &ARCSEC_SIGMA,
+            ),
             (
                 "dial_repeat_sigma_arcsec",
                 Some(bench.dial_repeat_sigma_arcsec),
                 &ARCSEC_SIGMA,
             ),
-            ("mount_sigma_arcsec", Some(bench.mount_sigma_arcsec), &ARCSEC_SIGMA),
-            ("level_sigma_arcsec", Some(bench.level_sigma_arcsec), &ARCSEC_SIGMA),
-            ("local_gravity_g", Some(bench.local_gravity_g), &ranges::LOCAL_GRAVITY),
-            ("reference_temp_c", Some(bench.reference_temp_c), &ranges::TEMPERATURE),
+            (
+                "mount_sigma_arcsec",
+                Some(bench.mount_sigma_arcsec),
+                &ARCSEC_SIGMA,
+            ),
+            (
+                "level_sigma_arcsec",
+                Some(bench.level_sigma_arcsec),
+                &ARCSEC_SIGMA,
+            ),
+            (
+                "local_gravity_g",
+                Some(bench.local_gravity_g),
+                &ranges::LOCAL_GRAVITY,
+            ),
+            (
+                "reference_temp_c",
+                Some(bench.reference_temp_c),
+                &ranges::TEMPERATURE,
+            ),
             ("session_bias_sigma_g", bench.session_bias_sigma_g, &G_SIGMA),
             (
                 "session_alignment_sigma_arcsec",
                 bench.session_alignment_sigma_arcsec,
                 &ARCSEC_SIGMA,
             ),
-            ("session_gain_rel_sigma", bench.session_gain_rel_sigma, &RELATIVE_SIGMA),
-            ("sample_rate_hz", Some(acquisition.sample_rate_hz), &ranges::SAMPLE_RATE),
+            (
+                "session_gain_rel_sigma",
+                bench.session_gain_rel_sigma,
+                &RELATIVE_SIGMA,
+            ),
+            (
+                "sample_rate_hz",
+                Some(acquisition.sample_rate_hz),
+                &ranges::SAMPLE_RATE,
+            ),
             ("divider", acquisition.divider, &ranges::FACTOR),
             ("gain", acquisition.gain, &ranges::FACTOR),
-            ("sigma_dof", acquisition.sigma_dof, &ranges::DEGREES_OF_FREEDOM),
+            (
+                "sigma_dof",
+                acquisition.sigma_dof,
+                &ranges::DEGREES_OF_FREEDOM,
+            ),
             (
                 "reference_rms_rel_sigma",
                 shaker.map(|shaker| shaker.reference_rms_rel_sigma),

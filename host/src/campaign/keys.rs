@@ -76,7 +76,10 @@ pub(super) fn check(file: &Path, config: &toml::Table) -> Result<(), Error> {
             if known.contains(&key.as_str()) {
                 continue;
             }
-            if let Some(meant) = alike(known, key).map(|like| self::place(name, like)).or_else(|| elsewhere(key)) {
+            if let Some(meant) = alike(known, key)
+                .map(|like| self::place(name, like))
+                .or_else(|| elsewhere(key))
+            {
                 let place = Place {
                     column: Some(key.clone()),
                     ..Place::file(file)

@@ -41,7 +41,10 @@ impl Campaign {
         let mut hot = readings.chain(runs).filter(|(temp_c, _)| *temp_c > HOT_C);
         let (temp_c, place) = hot.next()?;
         let more = more(hot.count());
-        Some(format!("{place} is at {} C; is that the unit?{more}", decimal(temp_c)))
+        Some(format!(
+            "{place} is at {} C; is that the unit?{more}",
+            decimal(temp_c)
+        ))
     }
 
     fn backwards(&self) -> Option<String> {

@@ -201,7 +201,15 @@ mod tests {
     #[test]
     fn nothing_absurd_is_within_any_range() {
         for range in ALL {
-            for value in [5e-324, -5e-324, 1e160, -1e160, 1e300, f64::NAN, f64::INFINITY] {
+            for value in [
+                5e-324,
+                -5e-324,
+                1e160,
+                -1e160,
+                1e300,
+                f64::NAN,
+                f64::INFINITY,
+            ] {
                 assert!(range.check(value).is_err(), "{range}: {value:e}");
             }
             for value in [range.least, range.greatest, range.smallest] {

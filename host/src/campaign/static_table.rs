@@ -35,14 +35,7 @@ const SERIES: [(&str, Series); 3] = [
 
 const FORCE: [&str; 3] = ["a_i_g", "a_p_g", "a_o_g"];
 
-const OPTIONAL: [&str; 6] = [
-    "mount_deg",
-    "a_i_g",
-    "a_p_g",
-    "a_o_g",
-    SESSION,
-    EXCLUDE,
-];
+const OPTIONAL: [&str; 6] = ["mount_deg", "a_i_g", "a_p_g", "a_o_g", SESSION, EXCLUDE];
 
 const COLUMNS: [&str; 14] = [
     "order",

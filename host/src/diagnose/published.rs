@@ -13,8 +13,8 @@ use inference::prior::{Prior, grid};
 
 use super::{Verdict, diagnose};
 use crate::campaign::{
-    Acquisition, Approach, Bench, Campaign, CampaignConfig, Drift, Instrument, Measured, Reading, Run,
-    VibrationKind,
+    Acquisition, Approach, Bench, Campaign, CampaignConfig, Drift, Instrument, Measured, Reading,
+    Run, VibrationKind,
 };
 use crate::campaign_model::CampaignModel;
 use crate::effects::identity::Stage;

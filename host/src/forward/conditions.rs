@@ -127,9 +127,7 @@ pub struct Witnesses {
 impl Witnesses {
     /// Of runs in the order of time, outputs divided by a scale factor.
     pub fn new(campaign: &Campaign, runs: &[&Run], scale_v_per_g: f64) -> Self {
-        let extremes_g = |run: &&Run| {
-            Some(run.measured?.extremes?.over(scale_v_per_g))
-        };
+        let extremes_g = |run: &&Run| Some(run.measured?.extremes?.over(scale_v_per_g));
         let shaker = campaign.config.shaker.as_ref();
         let reference_rel_sigma = shaker.map_or(0.0, |s| s.reference_rms_rel_sigma);
         Self {
