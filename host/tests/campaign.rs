@@ -5,7 +5,7 @@ mod common;
 use std::fs;
 use std::path::Path;
 
-use host::campaign::{Campaign, MAX_ROWS};
+use host::campaign::{Campaign, MAX_ROWS, ranges};
 use tempfile::TempDir;
 
 /// A campaign's folder, one of whose files is changed by `edit`.
@@ -842,4 +842,15 @@ fn what_steers_a_terminal_is_taken_out_of_texts() {
     let config = Campaign::read(folder.path()).unwrap().config;
     assert_eq!(config.instrument.serial, "A[31m1");
     assert_eq!(config.record.unwrap().note.as_deref(), Some("ab"));
+}
+
+#[test]
+fn the_document_of_ranges_is_the_table_that_is_checked() {
+    let rows = ranges::ALL.iter().map(|range| format!("- {range}\n"));
+    let document = include_str!("../../docs/ranges.md");
+    let listed: Vec<&str> = document
+        .split_inclusive('\n')
+        .filter(|l| l.starts_with("- "))
+        .collect();
+    assert_eq!(listed.concat(), rows.collect::<String>());
 }
