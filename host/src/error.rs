@@ -39,6 +39,9 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+    /// The instrument's self-check came to something else than the same computation here.
+    #[error("instrument and host disagree by {0:.1e} of a coefficient")]
+    Disagreement(f64),
     /// A picture of the report could not be drawn.
     #[error("a picture cannot be drawn: {0}")]
     Picture(String),
@@ -76,7 +79,7 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::Read { .. } | Self::Usage(_) => 2,
-            Self::Write { .. } | Self::Picture(_) | Self::Link { .. } => 1,
+            Self::Write { .. } | Self::Picture(_) | Self::Link { .. } | Self::Disagreement(_) => 1,
         }
     }
 

@@ -1,7 +1,5 @@
 //! `campaign.toml`: which instrument, on which bench.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +8,7 @@ use super::keys;
 use super::ranges::{self, Range};
 use crate::error::{Error, Place, Problem, printable};
 use crate::front_end::FrontEnd;
+use crate::input::read_at_most;
 use crate::output::write_file;
 
 const FORMAT: &str = "vre-campaign/1";
@@ -211,16 +210,7 @@ impl CampaignConfig {
     /// # Errors
     /// Unreadable, not UTF-8, not TOML, another format, a missing key, or a value that cannot be.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let mut bytes = Vec::new();
-        File::open(file)
-            .and_then(|source| source.take(MAX_BYTES + 1).read_to_end(&mut bytes))
-            .map_err(Error::read(file))?;
-        if bytes.len() as u64 > MAX_BYTES {
-            return Err(Error::input(
-                file,
-                format!("has more than {MAX_BYTES} bytes"),
-            ));
-        }
+        let bytes = read_at_most(file, MAX_BYTES)?;
         let at = |offset: usize| Place {
             row: Some(
                 1 + bytes[..offset]

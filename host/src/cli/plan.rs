@@ -11,8 +11,8 @@ use shared::tumble::{ARCSEC_RAD, Position, full_rank_plan, paper_plan};
 use shared::vibration::{Harmonic, Moments, Random};
 
 use super::identify::{condition, sum};
-use super::{Command, Console, positive};
-use crate::campaign::{Campaign, read_plan};
+use super::{Command, Console, positive, read_campaign};
+use crate::campaign::read_plan;
 use crate::error::Error;
 use crate::prediction::DEFAULT_PRIOR_SIGMA;
 use crate::statics::{
@@ -168,7 +168,7 @@ const MOST_ADDITIONS: usize = 8;
 
 impl Command for Plan {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let (plan, conditions) = self.plan_and_conditions()?;
+        let (plan, conditions) = self.plan_and_conditions(console)?;
         let environments = self.environments();
         let fail = |error| Error::Usage(format!("{}: {error}", self.plan));
         if plan.len() < NOMINAL {
@@ -217,7 +217,7 @@ impl Command for Plan {
 }
 
 impl Plan {
-    fn plan_and_conditions(&self) -> Result<(Vec<Position>, Conditions), Error> {
+    fn plan_and_conditions(&self, console: &Console) -> Result<(Vec<Position>, Conditions), Error> {
         let arcsec = |angle: f64| angle * ARCSEC_RAD;
         let dial_sigma_rad = arcsec(self.dial_sigma.unwrap_or(5.8));
         let mut conditions = Conditions {
@@ -236,7 +236,7 @@ impl Plan {
             "paper" => paper_plan().collect(),
             "full" => full_rank_plan().collect(),
             _ if path.is_dir() => {
-                let campaign = Campaign::read(path)?.used();
+                let campaign = read_campaign(path, console)?;
                 conditions.bench = statics::bench(&campaign.config.bench);
                 let k1 = campaign.config.instrument.scale_factor_nominal_v_per_g;
                 let n = campaign.readings.len() as f64;

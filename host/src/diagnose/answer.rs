@@ -1,6 +1,5 @@
 //! The answer, `vre-diagnosis/1`.
 
-use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -10,7 +9,8 @@ use shared::rectification::{Covariance, RECTIFYING};
 
 use crate::effects::identity::Stage;
 use crate::effects::{self, Effect};
-use crate::error::Error;
+use crate::error::{Error, clip};
+use crate::input::read_at_most;
 
 /// Name of the format.
 pub const FORMAT: &str = "vre-diagnosis/1";
@@ -290,26 +290,32 @@ pub struct Compensation {
     pub rank: u8,
 }
 
+/// Largest diagnosis that is read: some hundred times the largest that is written.
+const MAX_BYTES: u64 = 1 << 24;
+
 impl Diagnosis {
     /// Reads a diagnosis that `vre diagnose --json` wrote.
     ///
     /// # Errors
     /// Unreadable, not JSON of that format, or an effect that the catalogue does not hold.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let text = fs::read_to_string(file).map_err(Error::read(file))?;
-        let diagnosis: Self = serde_json::from_str(&text)
+        let bytes = read_at_most(file, MAX_BYTES)?;
+        let diagnosis: Self = serde_json::from_slice(&bytes)
             .map_err(|error| Error::input(file, error.to_string().replace('\n', " ")))?;
         if diagnosis.format != FORMAT {
             return Err(Error::input(
                 file,
-                format!("its format is \"{}\", not \"{FORMAT}\"", diagnosis.format),
+                format!(
+                    "its format is \"{}\", not \"{FORMAT}\"",
+                    clip(&diagnosis.format)
+                ),
             ));
         }
         for id in diagnosis.which.iter().flat_map(|which| &which.effects) {
             if effects::find(id).is_none() {
                 return Err(Error::input(
                     file,
-                    format!("\"{id}\" is no effect of the catalogue"),
+                    format!("\"{}\" is no effect of the catalogue", clip(id)),
                 ));
             }
         }
