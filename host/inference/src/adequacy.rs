@@ -155,7 +155,7 @@ mod tests {
             }
             sum
         };
-        for (value, half) in [(23.0, 1), (28.5, 2), (33.1, 3), (90.0, 20), (2000.0, 400)] {
+        for (value, half) in [(23.0, 1), (28.5, 2), (33.1, 3), (90.0, 20), (700.0, 200)] {
             let (found, sum) = (
                 chi2_tail(value, 2.0 * f64::from(half)),
                 poisson(value, half),
@@ -167,9 +167,23 @@ mod tests {
         }
         // Five standard deviations, both tails.
         assert!((chi2_tail(25.0, 1.0) / 5.733_031e-7 - 1.0).abs() < 1e-6);
-        let between = [1.0, 1.5, 2.0, 2.5, 3.0].map(|freedom| chi2_tail(20.0, freedom));
-        assert!(between.is_sorted());
-        assert!(between[1] > (between[0] * between[2]).sqrt() && between[1] < between[2]);
+        // Of 2.5 degrees by Simpson's rule over the density, from 20 to where nothing is left.
+        let gamma_of_1_25 = 0.906_402_477_055_477;
+        let density = |x: f64| x.powf(0.25) * (-0.5 * x).exp() / (2_f64.powf(1.25) * gamma_of_1_25);
+        let (parts, step) = (4000, 0.02);
+        let sum: f64 = (0..=parts)
+            .map(|k| {
+                let weight = match k {
+                    0 => 1.0,
+                    k if k == parts => 1.0,
+                    k if k % 2 == 1 => 4.0,
+                    _ => 2.0,
+                };
+                weight * density(20.0 + step * f64::from(k))
+            })
+            .sum();
+        let integral = sum * step / 3.0;
+        assert!((chi2_tail(20.0, 2.5) / integral - 1.0).abs() < 1e-9);
         assert_eq!(chi2_tail(1e6, 3.0), 0.0);
         assert_eq!(chi2_tail(0.0, 0.7), 1.0);
     }

@@ -28,15 +28,18 @@ use crate::prior::Prior;
 pub(crate) struct Ended<'f> {
     /// -2 log likelihood.
     pub(crate) objective: f64,
-    /// Factor of all information.
+    /// Member and parameter of each unknown after the base's.
+    pub(crate) unknowns: &'f [(usize, usize)],
+    /// Factor of the information about all unknowns.
     pub(crate) factor: &'f Cholesky,
-    /// Slope of half the objective's fall along each nonlinear parameter: none but at the edge of a range.
+    /// Slope of half the objective's fall along each nonlinear unknown: none but at the end of a range.
     pub(crate) slopes: &'f [f64],
-    /// Precision that the information holds on each nonlinear parameter beside the observations'.
+    /// Precision that the information holds on each nonlinear unknown beside the observations'.
     pub(crate) held: &'f [f64],
 }
 
-/// Logarithm of the marginal likelihood of members at their fitted values; rows count by `weighing`.
+/// Logarithm of the marginal likelihood of members at their fitted values; rows count by `weighing`. Nonlinear parameters that
+/// are no unknowns are known.
 pub(crate) fn log_evidence(
     model: &dyn SeparableModel,
     members: &[Member],
@@ -44,12 +47,8 @@ pub(crate) fn log_evidence(
     weighing: &Weighing,
 ) -> f64 {
     let mut log_evidence = of_proportions(model, members, (ended.objective, ended.factor));
-    let linear: usize = members
-        .iter()
-        .map(|m| model.components()[m.component].linear())
-        .sum();
-    let mut unknown = model.base().columns.len() + linear;
-    let mut nonlinear = ended.slopes.iter().zip(ended.held);
+    let base = model.base().columns.len();
+    let first = ended.unknowns.len() - ended.slopes.len();
     for (m, member) in members.iter().enumerate() {
         let component = &model.components()[member.component];
         for (k, parameter) in component.parameters.iter().enumerate() {
@@ -62,15 +61,15 @@ pub(crate) fn log_evidence(
                 (_, Some(range)) if component.kind == Kind::AddsVariance => {
                     over_sizes(model, members, m, range, weighing)
                 }
-                (_, Some(range)) => {
-                    // A fit that holds some of them is compared with none.
-                    let Some((slope, held)) = nonlinear.next() else {
-                        continue;
-                    };
-                    let sigma = ended.factor.sigma_given_later(unknown);
-                    unknown += 1;
-                    over_range(prior.inner(member.values[k]), sigma, (*slope, *held), range)
-                }
+                (_, Some(range)) => match ended.unknowns.iter().position(|u| *u == (m, k)) {
+                    Some(place) => {
+                        let value = prior.inner(member.values[k]);
+                        let sigma = ended.factor.sigma_given_later(base + place);
+                        let beyond = (ended.slopes[place - first], ended.held[place - first]);
+                        over_range(value, sigma, beyond, range)
+                    }
+                    None => 0.0,
+                },
             };
         }
     }

@@ -464,6 +464,7 @@ fn finish(
     };
     let ended = Ended {
         objective: solution.objective + log_variance,
+        unknowns: &unknowns,
         factor: &factor,
         slopes: &derivatives.iter().map(slope).collect::<Vec<_>>(),
         held: &precision[precision.len() - nonlinear.len()..],

@@ -282,7 +282,11 @@ fn band(row: &Row<'_>, kind: VibrationKind) -> Result<[f64; 2], Error> {
 /// further cells of it (sigma, drift, extremes) may be filled, must be sound, and are not kept.
 fn measured(row: &Row<'_>) -> Result<Option<Measured>, Error> {
     let [before, during, sigma] = MEASURED;
-    let drift = pair(row, DRIFT, [&ranges::DRIFT, &ranges::DRIFT_SIGMA])?;
+    // The uncertainty of a drift that is not there tells nothing.
+    let drift = match row.text(DRIFT[0]) {
+        Some(_) => pair(row, DRIFT, [&ranges::DRIFT, &ranges::DRIFT_SIGMA])?,
+        None => row.optional(DRIFT[1], &ranges::DRIFT_SIGMA)?.and(None),
+    };
     let further = Further {
         after_v: row.optional(AFTER[0], &ranges::OUTPUT)?,
         drift: drift.map(|[v_per_s, sigma_v_per_s]| Drift {

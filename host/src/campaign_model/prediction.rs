@@ -234,11 +234,14 @@ impl CampaignModel {
         self.observations.whiten(seen.column)
     }
 
-    /// The whitened prediction of effects at given parameters and unknowns of the base, and the variance (g^2) that they
+    /// The whitened prediction of effects at given parameters and unknowns of the base (nuisances that are not given are zero),
+    /// and the variance (g^2) that they
     /// add to each run's `during`.
     pub fn prediction(&self, members: &[Member], base_values: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let prediction = self.predict(members, Fidelity::Full);
-        let x = unknowns_of(self, base_values, members);
+        let mut base_values = base_values.to_vec();
+        base_values.resize(self.base.columns.len(), 0.0);
+        let x = unknowns_of(self, &base_values, members);
         let mut variance = prediction.added_variance(&x[base_values.len()..]);
         if let Some(changed) = self.transformed(members) {
             let coefficients = nominal::coefficients(&x);

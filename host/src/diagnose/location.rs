@@ -312,3 +312,83 @@ pub(super) fn not_looked_at(campaign: &Campaign) -> Vec<String> {
     }
     notes
 }
+
+#[cfg(test)]
+mod tests {
+    use inference::fit::fit_base;
+    use rand::RngExt;
+    use rand_distr::StandardNormal;
+
+    use super::*;
+    use crate::bench::noise::Seed;
+    use crate::bench::plan::Static;
+    use crate::bench::simulate::{Specification, VirtualBench};
+
+    /// The runs and readings of a campaign without effects, fitted, and what that leaves.
+    fn tables(seed: u64) -> [Table; 2] {
+        let specification = Specification::with_dial_sigma(1.0);
+        let bench = VirtualBench::new(Seed(seed), Static::Default, specification, Vec::new());
+        let model = CampaignModel::new(&bench.simulate().campaign, &[], &[]);
+        let fit = fit_base(&model).unwrap();
+        // Noise twice what is stated: an excess that has no place.
+        let excess: Vec<f64> = base_gap(&model, &fit)
+            .iter()
+            .map(|z| 4.0 * z * z - 1.0)
+            .collect();
+        [runs(&model, &excess), readings(&model, &excess)]
+    }
+
+    /// Whether a share of one in twenty, within four of its standard deviations, found this.
+    fn is_one_in_twenty(found: usize, of: usize) -> bool {
+        let of = of as f64;
+        (found as f64 - 0.05 * of).abs() < 4.0 * (0.05 * 0.95 * of).sqrt()
+    }
+
+    #[test]
+    fn an_excess_without_a_place_gets_a_region_one_time_in_twenty() {
+        const TABLES: u64 = 1200;
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        for mut table in tables(1) {
+            let mut found = 0;
+            for _ in 0..TABLES {
+                for excess in &mut table.excess {
+                    let z: f64 = random.sample(StandardNormal);
+                    *excess = 4.0 * z * z - 1.0;
+                }
+                found += usize::from(!table.regions().is_empty());
+            }
+            println!("{found} of {TABLES}");
+            assert!(is_one_in_twenty(found, TABLES as usize), "{found}");
+        }
+    }
+
+    #[test]
+    fn campaigns_without_effects_get_a_region_one_time_in_twenty() {
+        const CAMPAIGNS: u64 = 240;
+        let mut found = [0; 2];
+        for seed in 0..CAMPAIGNS {
+            for (found, table) in found.iter_mut().zip(tables(20_000 + seed)) {
+                *found += usize::from(!table.regions().is_empty());
+            }
+        }
+        println!("{found:?} of {CAMPAIGNS}");
+        for found in found {
+            assert!(is_one_in_twenty(found, CAMPAIGNS as usize), "{found}");
+        }
+    }
+
+    #[test]
+    fn an_excess_with_a_place_is_found_there() {
+        let [mut runs, _] = tables(3);
+        let (_, levels) = runs.factors.iter().find(|f| f.0 == "level_g").unwrap();
+        let levels = levels.clone();
+        let top = levels.iter().copied().fold(0.0, f64::max);
+        for (excess, level) in runs.excess.iter_mut().zip(&levels) {
+            *excess = if *level == top { 40.0 } else { 0.0 };
+        }
+        let regions = runs.regions();
+        assert_eq!(regions[0].factor, "level_g");
+        assert_eq!((regions[0].low, regions[0].high), (top, top));
+        assert!((regions[0].share - 1.0).abs() < 1e-12 && regions[0].p_value < 0.01);
+    }
+}

@@ -50,6 +50,11 @@ fn share(count: usize, of: usize) -> String {
     }
 }
 
+fn brier(judged: &[(f64, bool)]) -> f64 {
+    let off = |(p, right): &(f64, bool)| (p - f64::from(u8::from(*right))).powi(2);
+    judged.iter().map(off).sum::<f64>() / judged.len() as f64
+}
+
 fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
@@ -186,26 +191,31 @@ impl Scoreboard {
         out
     }
 
-    /// Reliability of the probability of what is named, in bins, and its Brier score.
-    fn calibration(&self, out: &mut String) {
-        use std::fmt::Write as _;
-        let judged: Vec<(f64, bool)> = self
-            .outcomes
+    /// Mean square of the probability of what is named less whether it is right, 0 to 1; NaN of no outcomes.
+    pub fn brier_score(&self) -> f64 {
+        brier(&self.judged())
+    }
+
+    /// Probability of what is named, and whether that is right.
+    fn judged(&self) -> Vec<(f64, bool)> {
+        self.outcomes
             .iter()
             .filter(|o| {
                 !matches!(o.kind, Kind::OutsideCatalogue | Kind::Withheld)
                     || o.score == Score::Wrong
             })
             .map(|o| (o.probability, o.named == o.effects))
-            .collect();
+            .collect()
+    }
+
+    /// Reliability of the probability of what is named, in bins, and its Brier score.
+    fn calibration(&self, out: &mut String) {
+        use std::fmt::Write as _;
+        let judged = self.judged();
         if judged.is_empty() {
             return;
         }
-        let brier: f64 = judged
-            .iter()
-            .map(|(p, right)| (p - f64::from(u8::from(*right))).powi(2))
-            .sum::<f64>()
-            / judged.len() as f64;
+        let brier = brier(&judged);
         let _ = writeln!(
             out,
             "probability of what is named (Brier score {brier:.3}):"

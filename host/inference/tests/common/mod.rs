@@ -236,7 +236,8 @@ impl Synthetic {
         column
     }
 
-    fn says(&self, acting: &[Member], base: &DVector<f64>) -> DVector<f64> {
+    /// The observations without noise.
+    pub fn says(&self, acting: &[Member], base: &DVector<f64>) -> DVector<f64> {
         let mut sum = self.design(acting) * base;
         for member in acting {
             for (unit, x) in self.units(member).iter().zip(&member.values) {
