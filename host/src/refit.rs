@@ -53,7 +53,7 @@ pub fn predict_refitted<'e>(
         let fit = fit_all(&mut model, &members)?;
         Some((model, fit))
     };
-    let stated = Assumptions::default();
+    let stated = Assumptions::of(campaign);
     let (mut model, mut fit) = fitted(&stated).ok_or_else(undetermined)?;
     let judged = judge(campaign, &model, &fit, members.is_empty(), &stated);
     if judged != stated {

@@ -33,6 +33,9 @@ fn inference_depends_on_nothing_of_ours() {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("inference/Cargo.toml");
     let manifest = std::fs::read_to_string(manifest).unwrap();
     for ours in ["host", "shared", "firmware"] {
-        assert!(!manifest.lines().any(|line| line.starts_with(ours)), "{ours}");
+        assert!(
+            !manifest.lines().any(|line| line.starts_with(ours)),
+            "{ours}"
+        );
     }
 }

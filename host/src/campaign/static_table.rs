@@ -107,11 +107,12 @@ pub(super) fn read(file: &Path, config: &CampaignConfig) -> Result<Vec<Reading>,
         let order = instrument.check_row(&row, "order")?;
         let reading = reading(&row, order, config)?;
         if !reading.exclude {
-            instrument.check_output(&row, "u_v", reading.output_v, reading.specific_force_g.i)?;
+            instrument.note_output(reading.output_v, reading.specific_force_g.i);
         }
         limits.check(&row, &reading)?;
         readings.push(reading);
     }
+    instrument.check_outputs(file, "u_v")?;
     Ok(readings)
 }
 

@@ -218,12 +218,12 @@ pub fn read_runs(file: &Path, config: &CampaignConfig) -> Result<Vec<Run>, Error
             }
             latest_s = Some(run.time_s);
             if let Some(measured) = &run.measured {
-                let input_axis_g = run.specific_force_g.i;
-                instrument.check_output(&row, MEASURED[0], measured.before_v, input_axis_g)?;
+                instrument.note_output(measured.before_v, run.specific_force_g.i);
             }
         }
         runs.push(run);
     }
+    instrument.check_outputs(file, MEASURED[0])?;
     Ok(runs)
 }
 

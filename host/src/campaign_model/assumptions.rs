@@ -3,6 +3,9 @@
 
 use std::collections::BTreeSet;
 
+use crate::campaign::Campaign;
+use crate::contradictions::contradictions;
+
 /// Kinds of noise that have a factor of their own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
@@ -38,6 +41,8 @@ pub struct Assumptions {
     pub excluded_readings: BTreeSet<usize>,
     /// Runs that do not belong, by their place in the campaign.
     pub excluded_runs: BTreeSet<usize>,
+    /// Those of them whose own columns contradict each other: no fit is asked about them.
+    pub contradictory_runs: BTreeSet<usize>,
 }
 
 impl Default for Assumptions {
@@ -47,11 +52,28 @@ impl Default for Assumptions {
             noise_factor: [1.0; Noise::ALL.len()],
             excluded_readings: BTreeSet::new(),
             excluded_runs: BTreeSet::new(),
+            contradictory_runs: BTreeSet::new(),
         }
     }
 }
 
 impl Assumptions {
+    /// As a campaign is stated, runs that contradict themselves set aside.
+    pub fn of(campaign: &Campaign) -> Self {
+        let found = contradictions(campaign).into_iter();
+        let single = found.flat_map(|contradiction| contradiction.places(&campaign.runs));
+        Self::without(single.collect())
+    }
+
+    /// The stated figures hold, and all rows belong but these runs, which contradict themselves.
+    pub fn without(contradictory_runs: BTreeSet<usize>) -> Self {
+        Self {
+            excluded_runs: contradictory_runs.clone(),
+            contradictory_runs,
+            ..Self::default()
+        }
+    }
+
     /// Sets a row aside: a reading, or a run, by its place in the campaign.
     pub fn set_aside(&mut self, reading: bool, place: usize) {
         if reading {
@@ -61,9 +83,9 @@ impl Assumptions {
         }
     }
 
-    /// Number of rows that do not belong.
+    /// Number of rows that do not belong by what a fit says.
     pub fn rows(&self) -> usize {
-        self.excluded_readings.len() + self.excluded_runs.len()
+        self.excluded_readings.len() + self.excluded_runs.len() - self.contradictory_runs.len()
     }
 
     /// The factor of a kind of noise.

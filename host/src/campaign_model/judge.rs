@@ -53,7 +53,7 @@ pub fn judge(
     if flexible {
         further.extend(model.smooth_families().into_iter().flatten());
     }
-    let mut judged = Assumptions::default();
+    let mut judged = Assumptions::without(under.contradictory_runs.clone());
     for suspect in suspects(campaign, model, fit, under) {
         if suspect.distance.abs() > STILL_GROSS {
             judged.set_aside(suspect.reading, suspect.place);

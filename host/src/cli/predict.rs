@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::{Command, Console, read_campaign};
 use crate::campaign::{Run, read_runs};
+use crate::contradictions;
 use crate::diagnose::Diagnosis;
 use crate::error::Error;
 use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
@@ -31,11 +32,18 @@ pub struct Predict {
     /// Add the effects that `vre diagnose --json` found in the campaign
     #[arg(long, value_name = "FILE.json")]
     diagnosis: Option<PathBuf>,
+    /// Go on although columns contradict each other in all rows of a kind, as level_g and ref_*_rms_g by a unit
+    #[arg(long)]
+    accept_contradictions: bool,
 }
 
 impl Command for Predict {
     fn run(self, console: &Console) -> Result<(), Error> {
         let campaign = read_campaign(&self.campaign, console)?;
+        let accepted = self.accept_contradictions;
+        for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
+            console.print(format!("vibration.csv, {contradiction}"))?;
+        }
         let mut own;
         let runs = match &self.runs {
             Some(file) => {
@@ -55,8 +63,7 @@ impl Command for Predict {
         if let Some(file) = &self.diagnosis {
             let diagnosis = Diagnosis::read(file)?;
             let effects = diagnosis.serving();
-            let with_effects =
-                predict_refitted(&campaign, effects, runs, prediction.prior_sigma)?;
+            let with_effects = predict_refitted(&campaign, effects, runs, prediction.prior_sigma)?;
             for (run, quantity) in prediction.runs.iter_mut().zip(with_effects) {
                 run.with_effects_vre_g = Some(quantity);
             }

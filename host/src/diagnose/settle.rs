@@ -40,7 +40,7 @@ pub(super) struct Settled {
 
 /// Searches a campaign until assumptions and answer agree. `None` if it determines nothing.
 pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option<Settled> {
-    let stated = Assumptions::default();
+    let stated = Assumptions::of(campaign);
     let mut best = attempt(campaign, effects, stated.clone())?;
     let by_answer = judge(campaign, &best.model, best.fit(), false, &stated);
     let agreed = agree(&by_answer, &stated);

@@ -95,6 +95,10 @@ fn readings() -> Vec<Reading> {
 fn run(run: u64, kind: VibrationKind, band_hz: [f64; 2], made: bool) -> Run {
     let specific_force_g = SpecificForce::new(0.0, 0.0, 1.0);
     let before_v = coefficients().output_v(specific_force_g);
+    let rms_g = match kind {
+        VibrationKind::Sine => 3.0 * std::f64::consts::FRAC_1_SQRT_2,
+        VibrationKind::Random => 3.0,
+    };
     let measured = Measured {
         before_v,
         during_v: before_v + 1e-4,
@@ -105,8 +109,8 @@ fn run(run: u64, kind: VibrationKind, band_hz: [f64; 2], made: bool) -> Run {
             sigma_v_per_s: 5.7e-7,
         }),
         extremes: Some(Extremes {
-            minimum_v: before_v - 4.0,
-            maximum_v: before_v + 4.0,
+            minimum_v: before_v - 2.16,
+            maximum_v: before_v + 2.16,
         }),
     };
     Run {
@@ -121,7 +125,7 @@ fn run(run: u64, kind: VibrationKind, band_hz: [f64; 2], made: bool) -> Run {
         duration_s: 8.0,
         measured: made.then_some(measured),
         reference: Some(ReferenceMoments {
-            rms_g: [1.5, 1.5, 0.0],
+            rms_g: [0.6 * rms_g, 0.8 * rms_g, 0.0],
             skewness: [0.0; 3],
             kurtosis: [1.5, 1.5, 0.0],
             correlation: Some([1.0, 0.0, 0.0]),
