@@ -4,6 +4,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use super::robust::near;
 use super::{ANY_REFERENCE, LEVEL};
+use crate::error::decimal;
 
 /// Which of two columns is wrong, where a third one tells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +101,7 @@ pub(super) fn of_factor(factor: f64, wrong: Wrong, reference_column: &str) -> St
 
 /// Words for one cell that should hold about `should` and holds `holds`: the number that a person would have typed.
 pub(super) fn of_cell(column: &str, holds: f64, should: f64) -> String {
-    let instead = format!("{column} {} instead of {}", typed(should), typed(holds));
+    let instead = format!("{column} {} instead of {}", typed(should), decimal(holds));
     let decades = (holds / should).log10();
     let whole = decades.round();
     match whole != 0.0 && near(10_f64.powf(decades - whole), 1.0, TOLERANCE) {

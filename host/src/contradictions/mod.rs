@@ -37,7 +37,7 @@ pub const ACCEPT_OPTION: &str = "--accept-contradictions";
 pub struct Contradiction {
     /// The columns, or keys of `campaign.toml`.
     pub between: [String; 2],
-    /// What the first says over what the second says of the same quantity; -1 for a sign.
+    /// What the first says over what the second says of the same quantity; -1 for a sign, 1 for a value that repeats.
     pub factor: f64,
     /// Where.
     pub rows: Rows,
@@ -113,6 +113,8 @@ impl fmt::Display for Contradiction {
         let [one, other] = &self.between;
         if self.factor < 0.0 {
             write!(f, "the sign of {one} is not that of {other}")?;
+        } else if self.factor == 1.0 {
+            write!(f, "{one} and {other}")?;
         } else {
             let factor = likely::typed(self.factor);
             write!(f, "{one} is {factor} times what {other} says")?;

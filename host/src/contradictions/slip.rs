@@ -125,7 +125,7 @@ fn levels(campaign: &Campaign, level_g: f64) -> Vec<f64> {
     meant
 }
 
-/// Another dial angle, or series: swapped digits first, then half a turn, then the plan's angle that fits best.
+/// Another dial angle, or series: swapped digits first, then half a turn, then the next of the plan's angles that fit.
 fn dial(
     campaign: &Campaign,
     reading: &Reading,
@@ -156,10 +156,16 @@ fn dial(
     if fits(&half_turn_deg) {
         return Some(format!("dial 180 deg off: {}", instead(half_turn_deg)));
     }
-    let planned = campaign.readings.iter().map(|other| other.dial_deg);
-    let nearest =
-        |a: &f64, b: &f64| off_v(reading.series, *a).total_cmp(&off_v(reading.series, *b));
-    if let Some(dial_deg) = planned.min_by(nearest).filter(fits) {
+    let planned = campaign
+        .readings
+        .iter()
+        .map(|other| other.dial_deg)
+        .filter(fits);
+    let away_deg = |dial_deg: f64| {
+        let turned_deg = within_a_turn(dial_deg - reading.dial_deg);
+        turned_deg.min(360.0 - turned_deg)
+    };
+    if let Some(dial_deg) = planned.min_by(|a, b| away_deg(*a).total_cmp(&away_deg(*b))) {
         return Some(instead(dial_deg));
     }
     let other = |series: &Series| {
