@@ -251,10 +251,10 @@ fn invert(campaign: &mut Campaign) {
         measured.before_v *= -1.0;
         measured.during_v *= -1.0;
         measured.after_v = measured.after_v.map(|after_v| -after_v);
-        for drift in &mut measured.drift {
+        if let Some(drift) = &mut measured.drift {
             drift.v_per_s *= -1.0;
         }
-        for extremes in &mut measured.extremes {
+        if let Some(extremes) = &mut measured.extremes {
             (extremes.minimum_v, extremes.maximum_v) = (-extremes.maximum_v, -extremes.minimum_v);
         }
     }
