@@ -55,8 +55,7 @@ impl Command for Predict {
         if let Some(file) = &self.diagnosis {
             let diagnosis = Diagnosis::read(file)?;
             let effects = diagnosis.serving();
-            let with_effects =
-                predict_refitted(&campaign, effects, runs, prediction.prior_sigma)?;
+            let with_effects = predict_refitted(&campaign, effects, runs, prediction.prior_sigma)?;
             for (run, quantity) in prediction.runs.iter_mut().zip(with_effects) {
                 run.with_effects_vre_g = Some(quantity);
             }
