@@ -104,24 +104,6 @@ fn difference(instrument: &[f64; NOMINAL], host: &[f64; NOMINAL]) -> f64 {
     each.fold(0.0, f64::max)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_no_number_disagrees() {
-        let host = [1.0; NOMINAL];
-        assert_eq!(difference(&host, &host), 0.0);
-        for absurd in [f64::NAN, f64::INFINITY, -f64::INFINITY] {
-            for k in 0..NOMINAL {
-                let mut told = host;
-                told[k] = absurd;
-                assert!(difference(&told, &host) > AGREEMENT, "{absurd} in {k}");
-            }
-        }
-    }
-}
-
 impl Replay {
     fn take(&mut self, event: &Event<'_>) {
         match event {
@@ -138,6 +120,24 @@ impl Replay {
             }
             Event::Check(outcome) => self.outcome = Some(*outcome),
             _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_disagrees() {
+        let host = [1.0; NOMINAL];
+        assert_eq!(difference(&host, &host), 0.0);
+        for absurd in [f64::NAN, f64::INFINITY, -f64::INFINITY] {
+            for k in 0..NOMINAL {
+                let mut told = host;
+                told[k] = absurd;
+                assert!(difference(&told, &host) > AGREEMENT, "{absurd} in {k}");
+            }
         }
     }
 }
