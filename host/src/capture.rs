@@ -19,7 +19,8 @@ use crate::bench::plan::{CHANGEOVER_S, Dwell, READING_INTERVAL_S, RUN_INTERVAL_S
 use crate::bench::shaker::Shaker;
 use crate::bench::simulate::VirtualBench;
 use crate::campaign::{
-    Approach, Campaign, CampaignConfig, Measured, Reading, ReferenceMoments, Run, VibrationKind,
+    Approach, Campaign, CampaignConfig, Drift, Measured, Reading, ReferenceMoments, Run,
+    VibrationKind,
 };
 use crate::error::Error;
 use crate::front_end::FrontEnd;
@@ -61,7 +62,7 @@ pub fn steps(bench: &VirtualBench) -> u64 {
 }
 
 /// Measures the plan of a virtual bench through the firmware's own driver and application, and writes record and
-/// campaign into `folder`. A record that is there already is replaced.
+/// campaign into `folder`. A record that is there already is kept: see [`make_way`].
 ///
 /// # Errors
 /// What the file system says; a record that does not make a campaign.
@@ -73,6 +74,33 @@ pub fn capture_virtual(
     let serial = serial(bench);
     let board = VirtualBoard::new(Converter::new(Config::default()), BLOCK, serial);
     capture(bench, &mut { board }, folder, step)
+}
+
+/// Tables that a capture writes from its record.
+const TABLES: [&str; 3] = ["campaign.toml", "static.csv", "vibration.csv"];
+
+/// Makes way in `folder` for a new record: one that is there is kept as `record-1.vre` or the next number that is free, and
+/// tables are removed, since they would pass for those of the new one.
+///
+/// # Errors
+/// What the file system says.
+pub fn make_way(folder: &Path) -> Result<(), Error> {
+    let file = folder.join(RECORD);
+    if file.exists() {
+        let mut names = (1_u32..).map(|n| folder.join(format!("record-{n}.vre")));
+        if let Some(kept) = names.find(|kept| !kept.exists()) {
+            fs::rename(&file, &kept).map_err(Error::write(&kept))?;
+        }
+    }
+    for table in TABLES.map(|name| folder.join(name)) {
+        match fs::remove_file(&table) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::write(&table)(error));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 fn serial(bench: &VirtualBench) -> [u8; 12] {
@@ -95,10 +123,8 @@ pub fn capture(
     mut step: impl FnMut(),
 ) -> Result<Captured, Error> {
     fs::create_dir_all(folder).map_err(Error::write(folder))?;
+    make_way(folder)?;
     let file = folder.join(RECORD);
-    if file.exists() {
-        fs::remove_file(&file).map_err(Error::write(&file))?;
-    }
     let mut config = bench.config();
     config.acquisition = config.acquisition.with_front_end(FRONT_END);
     let mut session = Session::open(bench, board, &file)?;
@@ -471,6 +497,8 @@ impl Tables<'_> {
             temp_c,
             output_v: self.mean_v(self.dwell(order)?)?,
             sigma_v: self.dwell_sigma_v,
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         })
     }
@@ -498,13 +526,17 @@ impl Tables<'_> {
             measured: Some(Measured {
                 before_v: self.mean_v(self.plateau(number, Plateau::Before)?)?,
                 during_v: self.mean_v(during)?,
-                after_v: self.mean_v(self.plateau(number, Plateau::After)?)?,
+                after_v: Some(self.mean_v(self.plateau(number, Plateau::After)?)?),
                 sigma_v: self.plateau_sigma_v,
-                drift_v_per_s: scale * drift,
-                drift_sigma_v_per_s: scale * drift_sigma,
+                drift: Some(Drift {
+                    v_per_s: scale * drift,
+                    sigma_v_per_s: scale * drift_sigma,
+                }),
                 extremes: None,
             }),
             reference: Some(self.reference(shaken, during)?),
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         })
     }

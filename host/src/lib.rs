@@ -13,6 +13,7 @@ pub mod error;
 pub mod forward;
 pub mod front_end;
 pub mod import;
+pub mod input;
 pub mod link;
 pub mod measure;
 pub mod output;

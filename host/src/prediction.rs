@@ -120,7 +120,7 @@ pub fn measured_vre_g(run: &Run, coefficients: &Coefficients<f64>) -> Option<Qua
     let value = (measured.during_v - measured.before_v) / k1;
     Some(Quantity::new(
         value,
-        std::f64::consts::SQRT_2 * measured.sigma_v / k1,
+        std::f64::consts::SQRT_2 * measured.sigma_v / k1.abs(),
     ))
 }
 

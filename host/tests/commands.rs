@@ -201,3 +201,245 @@ fn readings_that_do_not_tell_the_scale_factor_are_one_line_and_no_number() -> Ou
     assert!(told.contains("does not determine"), "{told}");
     Ok(())
 }
+
+/// The campaign in `folder`, changed and written into a new folder beside it.
+fn changed(campaign: &Path, name: &str, change: impl Fn(&mut Campaign)) -> Outcome<PathBuf> {
+    let mut read = Campaign::read(campaign)?;
+    change(&mut read);
+    let folder = campaign.with_file_name(name);
+    read.write(&folder)?;
+    Ok(folder)
+}
+
+/// All numbers of both answers agree to a part in `1e9`, everything else is the same; `path` is for the message.
+fn check_alike(a: &Value, b: &Value, path: &str) {
+    match (a, b) {
+        (Value::Number(x), Value::Number(y)) => {
+            let (x, y) = (x.as_f64().unwrap_or(0.0), y.as_f64().unwrap_or(0.0));
+            let alike = (x - y).abs() <= 1e-9 * x.abs().max(y.abs()).max(1e-9);
+            assert!(alike, "{path}: {x} {y}");
+        }
+        (Value::Array(x), Value::Array(y)) => {
+            assert_eq!(x.len(), y.len(), "{path}");
+            for (k, (x, y)) in x.iter().zip(y).enumerate() {
+                check_alike(x, y, &format!("{path}.{k}"));
+            }
+        }
+        (Value::Object(x), Value::Object(y)) => {
+            assert_eq!(x.len(), y.len(), "{path}");
+            for ((key, x), (other, y)) in x.iter().zip(y) {
+                assert_eq!(key, other, "{path}");
+                check_alike(x, y, &format!("{path}.{key}"));
+            }
+        }
+        _ => assert_eq!(a, b, "{path}"),
+    }
+}
+
+/// Turns the output over: every voltage and the factor of the type change their sign.
+fn invert(campaign: &mut Campaign) {
+    let instrument = &mut campaign.config.instrument;
+    instrument.scale_factor_nominal_v_per_g *= -1.0;
+    for reading in &mut campaign.readings {
+        reading.output_v *= -1.0;
+    }
+    for measured in campaign
+        .runs
+        .iter_mut()
+        .filter_map(|run| run.measured.as_mut())
+    {
+        measured.before_v *= -1.0;
+        measured.during_v *= -1.0;
+        measured.after_v = measured.after_v.map(|after_v| -after_v);
+        if let Some(drift) = &mut measured.drift {
+            drift.v_per_s *= -1.0;
+        }
+        if let Some(extremes) = &mut measured.extremes {
+            (extremes.minimum_v, extremes.maximum_v) = (-extremes.maximum_v, -extremes.minimum_v);
+        }
+    }
+}
+
+#[test]
+fn an_inverted_output_is_an_instrument_like_any_other() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let upright = simulate(folder.path(), &["--seed", "7", "--effect", "saturation"])?;
+    let inverted = changed(&upright, "inverted", invert)?;
+    let (upright, inverted) = (text_of(&upright)?, text_of(&inverted)?);
+
+    let (_, mut a) = vre(&["identify", upright])?;
+    let (_, b) = vre(&["identify", inverted])?;
+    let k1 = "/coefficients/K1_v_per_g/value";
+    let turned = a.pointer(k1).and_then(Value::as_f64).ok_or("a number")?;
+    *a.pointer_mut(k1).ok_or("a value")? = (-turned).into();
+    // K1's covariances with the others change their sign with it.
+    for k in 1..11 {
+        for at in [format!("/covariance/0/{k}"), format!("/covariance/{k}/0")] {
+            let value = a.pointer(&at).and_then(Value::as_f64).ok_or("a number")?;
+            *a.pointer_mut(&at).ok_or("a value")? = (-value).into();
+        }
+    }
+    check_alike(&a, &b, "identify");
+    let (_, a) = vre(&["predict", upright])?;
+    let (_, b) = vre(&["predict", inverted])?;
+    check_alike(&a, &b, "predict");
+    let (_, a) = vre(&["diagnose", upright])?;
+    let (_, b) = vre(&["diagnose", inverted])?;
+    for part in ["verdict", "gap", "location", "shrink"] {
+        check_alike(&a[part], &b[part], part);
+    }
+    assert_eq!(a["which"][0]["effects"], b["which"][0]["effects"]);
+    Ok(())
+}
+
+#[test]
+fn the_time_of_day_at_which_a_campaign_begins_does_not_matter() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let at_zero = simulate(folder.path(), &["--seed", "21", "--effect", "drift"])?;
+    let (_, a) = vre(&["diagnose", text_of(&at_zero)?])?;
+    // Large enough that a cosine of it would tell; a Unix time.
+    for (name, offset_s) in [("day", 1e6), ("unix", 1_767_225_600.0)] {
+        let later = changed(&at_zero, name, |campaign| {
+            campaign
+                .readings
+                .iter_mut()
+                .for_each(|r| r.time_s += offset_s);
+            campaign.runs.iter_mut().for_each(|r| r.time_s += offset_s);
+        })?;
+        let (_, b) = vre(&["diagnose", text_of(&later)?])?;
+        check_alike(&a, &b, name);
+    }
+    Ok(())
+}
+
+#[test]
+fn excluded_rows_change_nothing_and_their_number_is_told() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let whole = simulate(folder.path(), &["--seed", "9"])?;
+    let marked = changed(&whole, "marked", |campaign| {
+        campaign.readings[4].exclude = true;
+        campaign.readings[4].output_v = 0.5;
+        campaign.runs[2].exclude = true;
+        campaign.runs[2].level_g = 1e-3;
+    })?;
+    let gone = changed(&whole, "gone", |campaign| {
+        campaign.readings.remove(4);
+        campaign.runs.remove(2);
+    })?;
+    for command in ["identify", "predict", "diagnose"] {
+        let (text, a) = vre(&[command, text_of(&marked)?])?;
+        assert!(
+            text.contains("left out as excluded: 1 readings, 1 runs"),
+            "{command}: {text}"
+        );
+        let (_, b) = vre(&[command, text_of(&gone)?])?;
+        assert_eq!(a, b, "{command}");
+    }
+    Ok(())
+}
+
+#[test]
+fn what_a_laboratory_did_not_measure_is_said_and_the_rest_is_diagnosed() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let whole = simulate(
+        folder.path(),
+        &["--seed", "7", "--effect", "fixture-resonance"],
+    )?;
+    let lacking = changed(&whole, "lacking", |campaign| {
+        for measured in campaign
+            .runs
+            .iter_mut()
+            .filter_map(|run| run.measured.as_mut())
+        {
+            (measured.after_v, measured.drift, measured.extremes) = (None, None, None);
+        }
+    })?;
+    let (_, found) = vre(&["diagnose", text_of(&lacking)?])?;
+    let said = found["not_looked_at"].to_string();
+    for part in ["recovery", "drift", "extremes"] {
+        assert!(said.contains(part), "{said}");
+    }
+    assert_ne!(found["verdict"], "no-gap");
+    vre(&["predict", text_of(&lacking)?])?;
+    Ok(())
+}
+
+#[test]
+fn a_folder_that_holds_a_campaign_is_written_over_with_force_alone() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let out = simulate(folder.path(), &["--seed", "1"])?;
+    let at = text_of(&out)?;
+    let table = fs::read(out.join("static.csv"))?;
+    let told = refused(&["simulate", "--seed", "2", "--out", at])?;
+    assert!(told.contains("holds campaign.toml"), "{told}");
+    refused(&["capture", "--runs", "0", "--out", at])?;
+    assert_eq!(fs::read(out.join("static.csv"))?, table);
+    vre(&["simulate", "--seed", "2", "--force", "--out", at])?;
+    assert!(fs::read(out.join("static.csv"))? != table);
+    Ok(())
+}
+
+#[test]
+fn a_capture_keeps_the_record_that_is_there_and_verify_fails_where_host_and_instrument_disagree()
+-> Outcome {
+    let folder = tempfile::tempdir()?;
+    let out = folder.path().join("captured");
+    let at = text_of(&out)?;
+    let capture = ["capture", "--plan", "paper", "--runs", "0", "--out", at];
+    vre(&capture)?;
+    vre(&["verify", at])?;
+    let record = fs::read(out.join("record.vre"))?;
+    refused(&capture)?;
+    vre(&[&capture[..], &["--force", "--seed", "2"]].concat())?;
+    assert!(fs::read(out.join("record-1.vre"))? == record);
+    assert!(fs::read(out.join("record.vre"))? != record);
+
+    // The host counts a reading less.
+    let table = fs::read_to_string(out.join("static.csv"))?;
+    let rows: Vec<&str> = table.lines().collect();
+    fs::write(out.join("static.csv"), rows[..rows.len() - 1].join("\n"))?;
+    let mut command = Command::cargo_bin("vre")?;
+    let assert = command.args(["verify", at]).assert().code(1);
+    let told = String::from_utf8(assert.get_output().stdout.clone())?;
+    assert!(told.contains("DISAGREE"), "{told}");
+    Ok(())
+}
+
+#[test]
+fn no_text_of_a_file_steers_the_terminal_and_a_diagnosis_has_an_end() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let campaign = simulate(folder.path(), &[])?;
+    let head = campaign.join("campaign.toml");
+    let text = fs::read_to_string(&head)?;
+    let serial = text.lines().find(|line| line.starts_with("serial"));
+    let spoilt = text.replace(
+        serial.ok_or("a serial number")?,
+        "serial = \"\\u001b]0;x\\u0007\\u009b31m\"\n\"\\u001b[2J\" = 1",
+    );
+    fs::write(&head, spoilt)?;
+    for command in ["identify", "predict"] {
+        let mut vre = Command::cargo_bin("vre")?;
+        let assert = vre.arg(command).arg(&campaign).assert().success();
+        let output = assert.get_output();
+        for stream in [&output.stdout, &output.stderr] {
+            let text = String::from_utf8(stream.clone())?;
+            let steers = |c: char| c.is_control() && c != '\n';
+            assert!(!text.contains(steers), "{text:?}");
+        }
+        let told = String::from_utf8(output.stderr.clone())?;
+        assert!(
+            told.starts_with("warning: campaign.toml: [instrument] "),
+            "{told}"
+        );
+    }
+    let diagnosis = folder.path().join("diagnosis.json");
+    fs::write(&diagnosis, vec![b' '; (1 << 24) + 1])?;
+    let (at, file) = (text_of(&campaign)?, text_of(&diagnosis)?);
+    let mut vre = Command::cargo_bin("vre")?;
+    let assert = vre
+        .args(["predict", "--quiet", at, "--diagnosis", file])
+        .assert();
+    let told = String::from_utf8(assert.code(2).get_output().stderr.clone())?;
+    assert!(told.contains("has more than 16777216 bytes"), "{told}");
+    Ok(())
+}

@@ -8,6 +8,7 @@ use host::bench::plan::Static;
 use host::bench::simulate::{Simulation, Specification, VirtualBench};
 use host::campaign::{Campaign, Run, VibrationKind};
 use host::campaign_model::CampaignModel;
+use host::campaign_model::assumptions::Assumptions;
 use host::diagnose::{Diagnosis, Verdict, diagnose};
 use host::effects::identity::Stage;
 use host::effects::{self as catalogue, Action};
@@ -74,7 +75,13 @@ fn misses(effect: &'static catalogue::Effect, seed: u64) -> Misses {
     let (bare, with) = (simulate(seed, None), simulate(seed, Some((effect.id, 1.0))));
     let mut model = CampaignModel::new(&bare.campaign, &[], &[effect]);
     let scale_v_per_g = model.scale_v_per_g();
-    let mut changed = CampaignModel::with_scale(&with.campaign, &[], &[effect], scale_v_per_g);
+    let mut changed = CampaignModel::with_scale(
+        &with.campaign,
+        &[],
+        &[effect],
+        &Assumptions::default(),
+        scale_v_per_g,
+    );
     let mut truth = bare.truth.coefficients;
     truth[0] /= scale_v_per_g;
     for k in 1..truth.len() {

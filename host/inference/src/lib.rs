@@ -19,6 +19,7 @@ pub mod information;
 pub mod linear;
 pub mod model;
 pub mod observations;
+pub mod outlier;
 pub mod prior;
 pub mod profile;
 pub mod remainder;

@@ -90,7 +90,28 @@ pub struct Observations {
     correlated: Vec<f64>,
     /// Reciprocal standard deviation of each row but the first observable's; zero where nothing was observed.
     weights: Vec<f64>,
+    /// Errors that rows share, and where they lie.
+    shared: Vec<SharedError>,
     observed: Column,
+}
+
+/// An error of one standard deviation that rows share, as it is left by those before it; and what takes it out of whitened
+/// rows: x - factor (direction x) direction.
+#[derive(Clone, Debug)]
+struct SharedError {
+    rows: Range<usize>,
+    direction: Vec<f64>,
+    factor: f64,
+}
+
+impl SharedError {
+    fn take_out(&self, values: &mut [f64]) {
+        let values = &mut values[self.rows.clone()];
+        let along = self.factor * inner_product(&self.direction, values);
+        for (value, direction) in values.iter_mut().zip(&self.direction) {
+            *value -= along * direction;
+        }
+    }
 }
 
 impl Observations {
@@ -113,6 +134,7 @@ impl Observations {
             uncertain,
             correlated,
             weights,
+            shared: Vec::new(),
             observed: Column::zero(0),
         };
         observations.observed = observations.whiten(Column {
@@ -122,12 +144,44 @@ impl Observations {
         observations
     }
 
+    /// The same with errors that the rows of one range share, each given by what one standard deviation of it does to them
+    /// (not whitened). With the covariance 1 + a a^T of whitened rows, 1 - c a a^T whitens, c = (1 - 1/sqrt(1 + a^2)) / a^2;
+    /// one error after another.
+    pub fn with_shared_errors(mut self, rows: Range<usize>, errors: Vec<Vec<f64>>) -> Self {
+        for error in errors {
+            let mut values = vec![0.0; self.len()];
+            values[rows.clone()].copy_from_slice(&error);
+            let whitened = self.whiten(self.column(values)).values;
+            let direction = whitened[rows.clone()].to_vec();
+            let square = inner_product(&direction, &direction);
+            if square > 0.0 {
+                let shared = SharedError {
+                    rows: rows.clone(),
+                    factor: (1.0 - (1.0 + square).sqrt().recip()) / square,
+                    direction,
+                };
+                shared.take_out(&mut self.observed.values);
+                self.shared.push(shared);
+            }
+        }
+        self
+    }
+
     /// The same rows, each in its own unit and none unobserved: for predictions. Only the first observable stays whitened.
     pub fn in_units(&self) -> Self {
         Self {
             weights: vec![1.0; self.weights.len()],
+            shared: Vec::new(),
             ..self.clone()
         }
+    }
+
+    /// Half the logarithm of the determinant of the first observable's covariance.
+    pub fn log_spread_of_correlated(&self) -> f64 {
+        let rows = self.observables[0].rows.len();
+        (0..rows)
+            .map(|i| self.correlated[i * (i + 1) / 2 + i].ln())
+            .sum()
     }
 
     /// Number of rows.
@@ -210,6 +264,11 @@ impl Observations {
             .zip(&self.weights[first..])
         {
             *value *= weight;
+        }
+        for shared in &self.shared {
+            if column.span.start < shared.rows.end && column.span.end > shared.rows.start {
+                shared.take_out(&mut column.values);
+            }
         }
         column
     }

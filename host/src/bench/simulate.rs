@@ -15,8 +15,8 @@ use super::plan::{
 use super::reference;
 use super::shaker::Shaker;
 use crate::campaign::{
-    Acquisition, BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Bench, Campaign, CampaignConfig, Extremes,
-    Instrument, Measured, Reading, ReferenceMoments, Run, VibrationKind,
+    Acquisition, BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Bench, Campaign, CampaignConfig, Drift,
+    Extremes, Instrument, Measured, Reading, ReferenceMoments, Run, VibrationKind,
 };
 
 /// Steps of a recorded voltage in 1 V. The last bits of a computed number differ from one processor to another; what
@@ -217,16 +217,24 @@ impl VirtualBench {
                 level_sigma_arcsec: head.level_sigma_arcsec,
                 local_gravity_g: self.specification.local_gravity_g,
                 reference_temp_c: self.specification.reference_temp_c,
+                session_bias_sigma_g: None,
+                session_alignment_sigma_arcsec: None,
+                session_gain_rel_sigma: None,
                 unknown: Default::default(),
             },
             Acquisition {
                 sample_rate_hz: self.specification.logger_rate_hz,
                 divider: None,
                 gain: None,
+                sigma_dof: None,
                 unknown: Default::default(),
             },
             Some(crate::campaign::Shaker {
                 reference_rms_rel_sigma: self.specification.reference_rms_rel_sigma,
+                reference_cross_sensitivity: None,
+                reference_noise_g: None,
+                reference_gain_rel_sigma: None,
+                peak_gain_rel_sigma: None,
                 unknown: Default::default(),
             }),
         )
@@ -308,6 +316,8 @@ impl VirtualBench {
             temp_c: self.room.temp_c(time_s),
             output_v: recorded(scale_v_per_g * output_g, VOLTAGE_STEPS),
             sigma_v: scale_v_per_g * self.specification.noise_g,
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         }
     }
@@ -337,6 +347,8 @@ impl VirtualBench {
             duration_s: DURATION_S,
             measured: Some(self.measured(number, &levels)),
             reference: Some(self.reference_moments(number, &motion)),
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         };
         (run, levels.during_g - levels.before_g)
@@ -417,10 +429,12 @@ impl VirtualBench {
         Measured {
             before_v,
             during_v,
-            after_v,
+            after_v: Some(after_v),
             sigma_v: scale_v_per_g * specification.noise_g,
-            drift_v_per_s: recorded(drift_v_per_s, DRIFT_STEPS),
-            drift_sigma_v_per_s: scale_v_per_g * specification.drift_noise_g_per_s,
+            drift: Some(Drift {
+                v_per_s: recorded(drift_v_per_s, DRIFT_STEPS),
+                sigma_v_per_s: scale_v_per_g * specification.drift_noise_g_per_s,
+            }),
             extremes: Some(extremes),
         }
     }
@@ -657,7 +671,8 @@ mod tests {
                 let measured = run.measured.unwrap();
                 let noise_v = measured.during_v - measured.before_v - scale_v_per_g * vre_g;
                 plateaus.push(noise_v / (measured.sigma_v * 2.0_f64.sqrt()));
-                drifts.push(measured.drift_v_per_s / measured.drift_sigma_v_per_s);
+                let drift = measured.drift.unwrap();
+                drifts.push(drift.v_per_s / drift.sigma_v_per_s);
                 let rms_g = match shake.kind {
                     VibrationKind::Sine => shake.level_g / 2.0_f64.sqrt(),
                     VibrationKind::Random => shake.level_g,

@@ -7,9 +7,13 @@
 //! ```
 //!
 //! Tables are UTF-8, comma-separated, with LF or CRLF; columns are found by name, in any order; unknown
-//! columns are kept and written back. Whatever is wrong is told with file, row and column.
+//! columns are kept and written back. A row marked `exclude` is kept and not used. Whatever is wrong is told with file, row and column.
 
 mod config;
+mod keys;
+mod marks;
+mod plausibility;
+pub mod ranges;
 mod static_table;
 mod table;
 mod vibration_table;
@@ -18,12 +22,12 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Shaker};
+pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Limits, Record, Shaker};
 pub use shared::tumble::Series;
 pub use static_table::{Approach, Reading, read_plan};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
 pub use vibration_table::{
-    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, DETECTOR_REL_ERROR, Extremes, Measured,
+    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, DETECTOR_REL_ERROR, Drift, Extremes, Measured,
     ReferenceMoments, Run, VibrationKind, read_runs, write_runs,
 };
 
@@ -64,11 +68,36 @@ impl Campaign {
             })) => Vec::new(),
             Some(runs) => runs?,
         };
+        if readings.iter().all(|reading| reading.exclude) {
+            let problem = "every reading is excluded";
+            return Err(Error::input(&folder.join("static.csv"), problem));
+        }
         Ok(Self {
             config,
             readings,
             runs,
         })
+    }
+
+    /// The campaign without the rows that are excluded: what identification, prediction, diagnosis and plans start from.
+    pub fn used(mut self) -> Self {
+        self.readings.retain(|reading| !reading.exclude);
+        self.runs.retain(|run| !run.exclude);
+        self
+    }
+
+    /// Number of readings and of runs that are excluded.
+    pub fn excluded(&self) -> (usize, usize) {
+        let readings = self.readings.iter().filter(|reading| reading.exclude);
+        let runs = self.runs.iter().filter(|run| run.exclude);
+        (readings.count(), runs.count())
+    }
+
+    /// The time from which all times are counted: that of the first reading, or of the first run without one, s.
+    pub fn start_s(&self) -> f64 {
+        let reading_s = self.readings.first().map(|reading| reading.time_s);
+        let run_s = || self.runs.first().map(|run| run.time_s);
+        reading_s.or_else(run_s).unwrap_or(0.0)
     }
 
     /// Writes the campaign into `folder`, which is made if need be.
@@ -124,9 +153,9 @@ impl<'c> OneInstrument<'c> {
             ));
         }
         let expected = &self.config.instrument.serial;
-        match row.text("serial") {
-            Some(found) if found != expected => {
-                let (found, expected) = (found.to_owned(), expected.clone());
+        match row.words("serial") {
+            Some(found) if found != *expected => {
+                let expected = expected.clone();
                 Err(row.error("serial", Problem::OtherInstrument { found, expected }))
             }
             _ => Ok(number),
@@ -143,7 +172,7 @@ impl<'c> OneInstrument<'c> {
     ) -> Result<(), Error> {
         let nominal_v_per_g = self.config.instrument.scale_factor_nominal_v_per_g;
         let expected_v = nominal_v_per_g * input_axis_g;
-        let allowed_v = Self::FOREIGN * nominal_v_per_g * input_axis_g.abs().max(1.0);
+        let allowed_v = Self::FOREIGN * nominal_v_per_g.abs() * input_axis_g.abs().max(1.0);
         if (output_v - expected_v).abs() <= allowed_v {
             return Ok(());
         }

@@ -1,7 +1,11 @@
 //! The statistical model of a campaign: its observations, and what the nominal model and further effects predict of them.
 
+pub mod assumptions;
+pub mod judge;
+pub mod nuisances;
 pub mod observables;
 mod prediction;
+pub mod reference;
 mod smooth;
 
 use inference::model::{Base, Component, Fidelity, Member, Prediction, SeparableModel};
@@ -10,13 +14,16 @@ use shared::model::{Coefficients, NOMINAL};
 
 use crate::campaign::{Campaign, DETECTOR_REL_ERROR, Run, VibrationKind};
 use crate::effects::{Action, Effect};
-use crate::forward::conditions::{Conditions, Witnesses};
+use crate::forward::conditions::{Conditions, RunConditions, Witnesses, seen_ratios};
 use crate::forward::contribution::{Layout, Observable};
 use crate::forward::finite_record::unseen_variance_g2;
 use crate::forward::motion::Motion;
 use crate::forward::nominal;
 use crate::forward::time_mean::Averages;
+use assumptions::Assumptions;
+use nuisances::{Nuisance, Sessions};
 use prediction::Kept;
+use reference::Reference;
 
 /// Prior standard deviations of the coefficients in the order of (1): wider than any instrument of the kind.
 const PRIOR_SIGMA: [f64; NOMINAL] = [
@@ -40,16 +47,29 @@ pub struct CampaignModel {
     rows: Vec<usize>,
     /// Of each run the variance of M|a0 + w| over records of the moments that the reference saw, g^2.
     kink_variance: Vec<f64>,
+    sessions: Sessions,
+    nuisances: Vec<Nuisance>,
+    reference: Option<Reference>,
     /// First run that another reference, beside the instrument, sees: all that the instrument itself feels.
     seen_beside_instrument: usize,
     kept: Kept,
 }
 
 impl CampaignModel {
-    /// Of a campaign; `further` runs are there for their predictions alone.
+    /// Of a campaign as it is stated; `further` runs are there for their predictions alone.
     pub fn new(campaign: &Campaign, further: &[Run], effects: &[&'static Effect]) -> Self {
+        Self::assuming(campaign, further, effects, &Assumptions::default())
+    }
+
+    /// The same under assumptions of one's own.
+    pub fn assuming(
+        campaign: &Campaign,
+        further: &[Run],
+        effects: &[&'static Effect],
+        assumptions: &Assumptions,
+    ) -> Self {
         let scale_v_per_g = observables::scale_factor(campaign);
-        Self::with_scale(campaign, further, effects, scale_v_per_g)
+        Self::with_scale(campaign, further, effects, assumptions, scale_v_per_g)
     }
 
     /// The same with outputs divided by a given scale factor, V/g.
@@ -57,6 +77,7 @@ impl CampaignModel {
         campaign: &Campaign,
         further: &[Run],
         effects: &[&'static Effect],
+        assumptions: &Assumptions,
         scale_v_per_g: f64,
     ) -> Self {
         let given: Vec<&Run> = campaign.runs.iter().chain(further).collect();
@@ -67,46 +88,100 @@ impl CampaignModel {
         for (row, &k) in order.iter().enumerate() {
             rows[k] = row;
         }
-        let witnesses = Witnesses::new(campaign, &runs, scale_v_per_g);
+        let mut witnesses = Witnesses::new(campaign, &runs, scale_v_per_g);
+        let reference = Reference::of(campaign, &runs);
+        if let Some(reference) = &reference {
+            let excess = |run: &&Run| {
+                let conditions = RunConditions::from(*run);
+                let ratios = seen_ratios(&conditions, run.reference.as_ref());
+                reference.level_excess(&conditions, ratios)
+            };
+            witnesses.level_excess = runs.iter().map(excess).collect();
+        }
         let coefficients = Coefficients {
             scale_factor_v_per_g: scale_v_per_g,
             ..Coefficients::default()
         };
-        let mut conditions = Conditions::new(campaign, &runs, coefficients);
+        let mut conditions = Conditions::new(campaign, &runs, &witnesses, coefficients);
         conditions.linearise_about(coefficients, &witnesses);
         let layout = Layout::new(&conditions.readings, &conditions.runs);
-        let observations = observables::observe(campaign, &layout, &runs, scale_v_per_g);
-        let reference = layout.rows(Observable::Reference);
-        let reference = observations.observed_rows(reference).next().is_some();
+        let excluded: Vec<bool> = order
+            .iter()
+            .map(|k| assumptions.excluded_runs.contains(k))
+            .collect();
+        let sessions = Sessions::of(campaign, &runs);
+        let observations = observables::Observer {
+            campaign,
+            layout: &layout,
+            runs: &runs,
+            scale_v_per_g,
+            reference: reference.as_ref(),
+            level_excess: &witnesses.level_excess,
+            assumptions,
+            excluded: &excluded,
+        }
+        .observe();
+        let seen = layout.rows(Observable::Reference);
+        let seen = observations.observed_rows(seen).next().is_some();
+        let table_sigma = reference
+            .as_ref()
+            .filter(|_| seen)
+            .map_or(0.0, |r| r.gain_sigma);
+        let (nuisances, base) = base(&conditions, &layout, &observations, &sessions, table_sigma);
         Self {
             rough: Conditions {
                 averages: Averages::rough().into(),
                 ..conditions.clone()
             },
             kink_variance: kink_variance(&conditions),
-            base: base(&conditions, &layout, &observations),
-            components: effects.iter().map(|e| e.component(reference)).collect(),
+            components: effects.iter().map(|e| e.component(seen)).collect(),
             effects: effects.to_vec(),
             seen_beside_instrument: usize::MAX,
             kept: Kept::default(),
+            base,
             conditions,
             witnesses,
             scale_v_per_g,
             layout,
             observations,
             rows,
+            sessions,
+            nuisances,
+            reference,
         }
     }
 
-    /// The same rows, runs in g, for predictions.
-    pub fn in_g(self) -> Self {
+    /// The same rows, runs in g, for predictions by fits of a model of so many nuisances: sessions, the table's level and the
+    /// peak detector have no part in them.
+    pub fn in_g(self, nuisances: usize) -> Self {
         let observations = self.observations.in_units();
+        let mut columns = nominal::design(&self.conditions, &self.layout, &self.conditions.motions);
+        columns.extend((0..nuisances).map(|_| Column::zero(self.layout.len())));
+        let unknowns = columns.len();
+        let columns = columns
+            .into_iter()
+            .map(|column| observations.whiten(column));
         Self {
-            base: base(&self.conditions, &self.layout, &observations),
+            base: Base::new(
+                &observations,
+                columns.collect(),
+                vec![1.0; unknowns],
+                vec![0.0; unknowns],
+            ),
             kept: Kept::default(),
             observations,
             ..self
         }
+    }
+
+    /// Unknowns of the base beside the coefficients, in their order.
+    pub fn nuisances(&self) -> &[Nuisance] {
+        &self.nuisances
+    }
+
+    /// How good the reference is.
+    pub fn reference(&self) -> Option<&Reference> {
+        self.reference.as_ref()
     }
 
     /// Another reference, beside the instrument, sees the runs from this row on.
@@ -127,6 +202,19 @@ impl CampaignModel {
             .linearise_about(coefficients, &self.witnesses);
         self.rough.linearise_about(coefficients, &self.witnesses);
         self.kept.clear();
+        let table_sigma = self.reference.as_ref().map_or(0.0, |r| r.gain_sigma);
+        let (nuisances, base) = base(
+            &self.conditions,
+            &self.layout,
+            &self.observations,
+            &self.sessions,
+            table_sigma,
+        );
+        if nuisances.len() == self.nuisances.len() {
+            let precision = self.base.prior_precision.clone();
+            let mean = self.base.prior_mean.clone();
+            self.base = Base::new(&self.observations, base.columns, precision, mean);
+        }
     }
 
     /// Conditions of readings and runs, in the order of the rows.
@@ -175,6 +263,28 @@ impl CampaignModel {
         values[during] / weight(during) - values[before] / weight(before)
     }
 
+    /// Rows of the runs that were made and are not set aside, in blocks of one kind, band and gravity along IA.
+    pub fn blocks(&self) -> Vec<Vec<usize>> {
+        let (runs, during) = (&self.conditions.runs, self.layout.rows(Observable::During));
+        let used =
+            |row: usize| runs[row].made && self.observations.weight(during.start + row) > 0.0;
+        let mut blocks: Vec<Vec<usize>> = Vec::new();
+        for row in (0..runs.len()).filter(|&row| used(row)) {
+            let key = |row: usize| {
+                (
+                    runs[row].kind,
+                    runs[row].band_hz,
+                    runs[row].specific_force_g.i,
+                )
+            };
+            match blocks.iter_mut().find(|block| key(block[0]) == key(row)) {
+                Some(block) => block.push(row),
+                None => blocks.push(vec![row]),
+            }
+        }
+        blocks
+    }
+
     /// The static readings alone: unknowns of the base.
     pub fn from_static_readings(&self) -> Option<Vec<f64>> {
         self.base
@@ -216,16 +326,32 @@ impl CampaignModel {
     }
 }
 
-fn base(conditions: &Conditions, layout: &Layout, observations: &Observations) -> Base {
-    let columns = nominal::design(conditions, layout, &conditions.motions);
+/// The coefficients, and what is not the instrument's own.
+fn base(
+    conditions: &Conditions,
+    layout: &Layout,
+    observations: &Observations,
+    sessions: &Sessions,
+    table_sigma: f64,
+) -> (Vec<Nuisance>, Base) {
+    let mut columns = nominal::design(conditions, layout, &conditions.motions);
+    let mut precision = PRIOR_SIGMA.map(|sigma| sigma.powi(-2)).to_vec();
+    let mut nuisances = Vec::new();
+    for (nuisance, does) in nuisances::nuisances(sessions, conditions, layout, table_sigma) {
+        columns.push(does.column);
+        precision.push(nuisance.sigma.powi(-2));
+        nuisances.push(nuisance);
+    }
     let columns = columns
         .into_iter()
         .map(|column| observations.whiten(column));
     // K1 is about 1, in units of the scale factor.
-    let mut mean = vec![0.0; NOMINAL];
+    let mut mean = vec![0.0; precision.len()];
     mean[0] = 1.0;
-    let precision = PRIOR_SIGMA.map(|sigma| sigma.powi(-2));
-    Base::new(observations, columns.collect(), precision.to_vec(), mean)
+    (
+        nuisances,
+        Base::new(observations, columns.collect(), precision, mean),
+    )
 }
 
 fn kink_variance(conditions: &Conditions) -> Vec<f64> {
@@ -268,7 +394,7 @@ impl SeparableModel for CampaignModel {
         let motions = transformed
             .as_ref()
             .map_or(&self.conditions.motions, |t| &t.motions);
-        let added = prediction.added_variance(&x[NOMINAL..]);
+        let added = prediction.added_variance(&x[self.base.columns.len()..]);
         let unseen = self.unseen_variance_g2(&nominal::coefficients(x), motions, &added);
         let during = self.layout.rows(Observable::During);
         let weighted = unseen.into_iter().zip(during);

@@ -175,7 +175,8 @@ impl CampaignModel {
         let runs = &self.conditions.runs;
         let rest: Vec<_> = runs.iter().map(|run| terms(run.specific_force_g)).collect();
         let moving = nominal::moving(runs, motions);
-        let mut values = Vec::with_capacity(3 * runs.len() * NOMINAL);
+        let unknowns = self.base.columns.len();
+        let mut values = Vec::with_capacity(3 * runs.len() * unknowns);
         let kinds = [Observable::During, Observable::Maximum, Observable::Minimum];
         for (part, kind) in kinds.into_iter().enumerate() {
             for ((row, moving), rest) in self.layout.rows(kind).zip(&moving).zip(&rest) {
@@ -184,9 +185,11 @@ impl CampaignModel {
                     Observable::During => (rest[k] + moving[part][k]) * weight,
                     _ => moving[part][k] * weight,
                 }));
+                // Sessions and the table's level act as at the commanded motion.
+                values.extend(self.base.columns[NOMINAL..].iter().map(|c| c.values[row]));
             }
         }
-        Transformed::new(values, NOMINAL)
+        Transformed::new(values, unknowns)
     }
 
     /// Motions of the instrument under some effects, and what the reference sees of them, whitened.
@@ -219,11 +222,8 @@ impl CampaignModel {
             let rms = (1.0 + h * h).sqrt();
             for axis in 0..3 {
                 let ratio = motion.amplitude_g[axis] / run.level_g * rms;
-                seen.add(
-                    Observable::Reference,
-                    3 * row + axis,
-                    ratio - run.direction[axis],
-                );
+                let expected = run.direction[axis] * (1.0 + self.witnesses.level_excess[row].0);
+                seen.add(Observable::Reference, 3 * row + axis, ratio - expected);
             }
             // M[(sin x - h cos 2x)^3] = 3h/4, M[..^4] = 3/8 (1 + 4 h^2 + h^4), over the rms value's powers.
             let (h2, power) = (h * h, 0.5 * (1.0 + h * h));
@@ -234,11 +234,14 @@ impl CampaignModel {
         self.observations.whiten(seen.column)
     }
 
-    /// The whitened prediction of effects at given parameters and unknowns of the base, and the variance (g^2) that they
+    /// The whitened prediction of effects at given parameters and unknowns of the base (nuisances that are not given are zero),
+    /// and the variance (g^2) that they
     /// add to each run's `during`.
     pub fn prediction(&self, members: &[Member], base_values: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let prediction = self.predict(members, Fidelity::Full);
-        let x = unknowns_of(self, base_values, members);
+        let mut base_values = base_values.to_vec();
+        base_values.resize(self.base.columns.len(), 0.0);
+        let x = unknowns_of(self, &base_values, members);
         let mut variance = prediction.added_variance(&x[base_values.len()..]);
         if let Some(changed) = self.transformed(members) {
             let coefficients = nominal::coefficients(&x);

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 use std::time::Duration;
 
-use super::{Command, Console, positive};
+use super::{Command, Console, positive, refuse_campaign};
 use crate::attended::{self, Operator, Reply, Test};
 use crate::bench::noise::Seed;
 use crate::bench::plan::{self, Static};
@@ -25,6 +25,9 @@ pub struct Capture {
     /// Folder for campaign.toml, static.csv, vibration.csv and record.vre
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Write into a folder that holds a campaign already, over it; a record that is there is kept under another name
+    #[arg(long)]
+    force: bool,
     /// Run the image for the board in the emulator, instead of the firmware's library on the host
     #[arg(long)]
     emulated: bool,
@@ -67,6 +70,9 @@ pub struct Capture {
 
 impl Command for Capture {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if !self.force {
+            refuse_campaign(&self.out, ", or say --force")?;
+        }
         if let (Some(port), Some(bench)) = (&self.port, &self.bench) {
             return self.attended(port, bench, console);
         }
@@ -114,6 +120,7 @@ impl Capture {
             temp_c,
         };
         let source = SerialSource::open(port)?;
+        capture::make_way(&self.out)?;
         let mut person = Person::new(console);
         let found = attended::measure(source, &test, &self.out, &mut person)?;
         let readings = found.campaign.map_or(0, |campaign| campaign.readings.len());

@@ -84,7 +84,7 @@ struct Shown {
 impl Configure {
     /// What the instrument is to have, and a line on the front end that it is reckoned with.
     fn wanted(&self, campaign: &Path) -> Result<(Configuration, String), Error> {
-        let campaign = Campaign::read(campaign)?;
+        let campaign = Campaign::read(campaign)?.used();
         let known = match &self.diagnosis {
             Some(file) => diagnosed(file, &campaign)?,
             None => identify(&campaign, Method::LeastSquares, None)?.calibration(),

@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Command, Console};
-use crate::campaign::Campaign;
+use super::{Command, Console, read_campaign};
 use crate::diagnose::diagnose;
 use crate::error::Error;
 use crate::output::write_file;
@@ -27,7 +26,7 @@ pub struct Diagnose {
 
 impl Command for Diagnose {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = Campaign::read(&self.campaign)?;
+        let campaign = read_campaign(&self.campaign, console)?;
         let study = diagnose(&campaign, &self.without)?;
         if let Some(file) = &self.html {
             write_file(file, diagnosis_page(&study)?.as_bytes())?;

@@ -7,8 +7,7 @@ use std::path::PathBuf;
 use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
-use super::{Command, Console};
-use crate::campaign::Campaign;
+use super::{Command, Console, read_campaign};
 use crate::error::Error;
 use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
@@ -29,7 +28,7 @@ pub struct Identify {
 
 impl Command for Identify {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = Campaign::read(&self.campaign)?;
+        let campaign = read_campaign(&self.campaign, console)?;
         let identification = identify(&campaign, self.method, self.prior_sigma)?;
         console.print(text(&identification))?;
         console.json(&identification)

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::{Command, Console};
-use crate::campaign::{Campaign, Run, read_runs};
+use super::{Command, Console, read_campaign};
+use crate::campaign::{Run, read_runs};
 use crate::diagnose::Diagnosis;
 use crate::error::Error;
 use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
@@ -35,19 +35,20 @@ pub struct Predict {
 
 impl Command for Predict {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = Campaign::read(&self.campaign)?;
-        let own;
+        let campaign = read_campaign(&self.campaign, console)?;
+        let mut own;
         let runs = match &self.runs {
             Some(file) => {
                 own = read_runs(file, &campaign.config)?;
+                own.retain(|run| !run.exclude);
                 &own
             }
             None => &campaign.runs,
         };
         if runs.is_empty() {
             return Err(Error::Usage(format!(
-                "{}: has no vibration.csv; name the runs to predict with --runs",
-                self.campaign.display()
+                "{}: has no runs to predict; name a table of some with --runs",
+                self.runs.as_ref().unwrap_or(&self.campaign).display()
             )));
         }
         let mut prediction = predict(&campaign, runs, self.prior_sigma)?;

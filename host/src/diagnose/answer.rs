@@ -1,6 +1,5 @@
 //! The answer, `vre-diagnosis/1`.
 
-use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -10,7 +9,8 @@ use shared::rectification::{Covariance, RECTIFYING};
 
 use crate::effects::identity::Stage;
 use crate::effects::{self, Effect};
-use crate::error::Error;
+use crate::error::{Error, clip};
+use crate::input::read_at_most;
 
 /// Name of the format.
 pub const FORMAT: &str = "vre-diagnosis/1";
@@ -106,6 +106,58 @@ pub struct Similarity {
     pub correlation: Vec<Vec<f64>>,
 }
 
+/// A quantity with its standard uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// Estimate.
+    pub value: f64,
+    /// Standard uncertainty.
+    pub sigma: f64,
+}
+
+/// A row that does not belong.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SuspectRow {
+    /// `static.csv` or `vibration.csv`.
+    pub file: String,
+    /// Line of the file; the header is 1.
+    pub row: u64,
+    /// `reading` or `run`.
+    pub what: String,
+    /// Its `order` or `run`.
+    pub number: u64,
+    /// Distance from what all other rows say of it, standard deviations.
+    pub sigma_off: f64,
+    /// A slip of the hand that would make sense of it.
+    pub would_explain: Option<String>,
+    /// Whether the answer was found without it.
+    pub set_aside: bool,
+}
+
+/// How far a stated noise holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NoiseFactor {
+    /// `readings`, `plateaus` or `drift`.
+    pub of: String,
+    /// What the scatter is in terms of what is stated.
+    pub factor: Estimate,
+    /// Whether that may be 1.
+    pub stated_holds: bool,
+}
+
+/// What a session has of its own, beside the first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SessionEstimate {
+    /// Its name.
+    pub session: String,
+    /// Bias less that of the first session, g.
+    pub bias_g: Option<Estimate>,
+    /// Turns about PA and OA against the first session, rad.
+    pub alignment_rad: Vec<Estimate>,
+    /// Gain over that of the first session.
+    pub gain: Option<Estimate>,
+}
+
 /// `vre-diagnosis/1`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
@@ -136,6 +188,15 @@ pub struct Diagnosis {
     /// What the instrument's own compensation can carry of it; absent where no one hypothesis explains the gap.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compensation: Option<Compensation>,
+    /// Rows that do not belong, set aside.
+    #[serde(default)]
+    pub suspects: Vec<SuspectRow>,
+    /// How far the stated noise holds, by kind.
+    #[serde(default)]
+    pub noise: Vec<NoiseFactor>,
+    /// What each session after the first has of its own.
+    #[serde(default)]
+    pub sessions: Vec<SessionEstimate>,
     /// What could not be looked at, and why.
     #[serde(default)]
     pub not_looked_at: Vec<String>,
@@ -186,6 +247,20 @@ pub struct Shrink {
     pub closed_fraction_interval_90: [f64; 2],
 }
 
+impl Shrink {
+    /// Effects of a gap that stays unexplained are not used in predictions, and close nothing.
+    pub(super) fn under(self, verdict: Verdict) -> Self {
+        match verdict {
+            Verdict::Unexplained => Self {
+                closed_fraction: 0.0,
+                closed_fraction_interval_90: [0.0; 2],
+                ..self
+            },
+            _ => self,
+        }
+    }
+}
+
 /// A proposed test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NextTest {
@@ -215,26 +290,32 @@ pub struct Compensation {
     pub rank: u8,
 }
 
+/// Largest diagnosis that is read: some hundred times the largest that is written.
+const MAX_BYTES: u64 = 1 << 24;
+
 impl Diagnosis {
     /// Reads a diagnosis that `vre diagnose --json` wrote.
     ///
     /// # Errors
     /// Unreadable, not JSON of that format, or an effect that the catalogue does not hold.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let text = fs::read_to_string(file).map_err(Error::read(file))?;
-        let diagnosis: Self = serde_json::from_str(&text)
+        let bytes = read_at_most(file, MAX_BYTES)?;
+        let diagnosis: Self = serde_json::from_slice(&bytes)
             .map_err(|error| Error::input(file, error.to_string().replace('\n', " ")))?;
         if diagnosis.format != FORMAT {
             return Err(Error::input(
                 file,
-                format!("its format is \"{}\", not \"{FORMAT}\"", diagnosis.format),
+                format!(
+                    "its format is \"{}\", not \"{FORMAT}\"",
+                    clip(&diagnosis.format)
+                ),
             ));
         }
         for id in diagnosis.which.iter().flat_map(|which| &which.effects) {
             if effects::find(id).is_none() {
                 return Err(Error::input(
                     file,
-                    format!("\"{id}\" is no effect of the catalogue"),
+                    format!("\"{}\" is no effect of the catalogue", clip(id)),
                 ));
             }
         }

@@ -30,6 +30,7 @@ use rand_distr::StandardNormal;
 use super::verdict::credible_set;
 use crate::campaign::{Campaign, ReferenceMoments, Run, VibrationKind};
 use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::Assumptions;
 use crate::refit::Forecast;
 
 /// Draws of what may be true.
@@ -65,10 +66,15 @@ pub(super) fn expected_improvement(
         ..campaign.clone()
     };
     let scale_v_per_g = model.scale_v_per_g();
-    let mut predictor =
-        CampaignModel::with_scale(&runs_alone, &further, model.effects(), scale_v_per_g);
+    let mut predictor = CampaignModel::with_scale(
+        &runs_alone,
+        &further,
+        model.effects(),
+        &Assumptions::default(),
+        scale_v_per_g,
+    );
     predictor.believe(model.conditions().coefficients);
-    let predictor = predictor.in_g();
+    let predictor = predictor.in_g(model.nuisances().len());
     let new_runs = campaign.runs.len()..campaign.runs.len() + further.len();
     let rows: Vec<usize> = new_runs.map(|place| predictor.row_of_run(place)).collect();
     let mut closed = draws(&predictor, &rows, search, shown);

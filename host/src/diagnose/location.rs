@@ -303,6 +303,13 @@ pub(super) fn not_looked_at(campaign: &Campaign) -> Vec<String> {
     {
         notes.push("no extremes of the output: clipping, and the amplitude at the instrument, only through the means".into());
     }
+    let measured = || made.clone().filter_map(|run| run.measured);
+    if measured().all(|m| m.after_v.is_none()) {
+        notes.push("no output after the vibration: recovery, and what a run leaves behind".into());
+    }
+    if measured().all(|m| m.drift.is_none()) {
+        notes.push("no drift during the vibration: what builds up within a run".into());
+    }
     notes
 }
 

@@ -18,19 +18,19 @@ mod next_tests;
 mod onboard;
 mod proposals;
 pub mod published;
+mod remarks;
 mod rows;
+mod settle;
 mod verdict;
-
-use inference::search::{Search, SearchPolicy, search};
 
 pub use answer::{Compensation, Diagnosis, Verdict};
 pub use onboard::WHY_NOT_CARRIED;
 pub use rows::GapRow;
 
 use crate::campaign::Campaign;
-use crate::campaign_model::CampaignModel;
 use crate::effects::{self, Effect};
 use crate::error::Error;
+use settle::{Settled, settle};
 use verdict::Judgement;
 
 /// A diagnosis with the rows that pictures of it need.
@@ -47,13 +47,14 @@ pub struct Study {
 /// An unknown identifier in `without`, or a campaign that determines nothing.
 pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error> {
     let effects = effects_but(without)?;
-    let mut model = CampaignModel::new(campaign, &[], &effects);
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
-    let search = search(&mut model, &SearchPolicy::default()).ok_or_else(undetermined)?;
-    let judgement = Judgement::of(&search);
+    let settled = settle(campaign, &effects).ok_or_else(undetermined)?;
+    let best = &settled.search.hypotheses[0].fit;
+    let shrink = held_out::shrink(campaign, &settled.model, &settled.search, best);
+    let judgement = Judgement::of(&settled.search, shrink.as_ref());
     Ok(Study {
-        rows: rows::rows(&model, judgement.shown(&search)),
-        diagnosis: answer(campaign, &model, &search, &judgement),
+        rows: rows::rows(&settled.model, judgement.shown(&settled.search)),
+        diagnosis: answer(campaign, &settled, &judgement, shrink),
     })
 }
 
@@ -71,13 +72,19 @@ fn effects_but(without: &[String]) -> Result<Vec<&'static Effect>, Error> {
 
 fn answer(
     campaign: &Campaign,
-    model: &CampaignModel,
-    search: &Search,
+    settled: &Settled,
     judgement: &Judgement,
+    shrink_of_best: Option<answer::Shrink>,
 ) -> Diagnosis {
+    let Settled { model, search, .. } = settled;
     let shown = judgement.shown(search);
     let verdict = judgement.verdict;
-    let shrink = held_out::shrink(campaign, model, search, shown);
+    // Where nothing is what is shown, it is held out instead.
+    let shrink = match std::ptr::eq(shown, &search.hypotheses[0].fit) {
+        true => shrink_of_best,
+        false => held_out::shrink(campaign, model, search, shown),
+    };
+    let shrink = shrink.map(|shrink| shrink.under(verdict));
     Diagnosis {
         format: answer::FORMAT.into(),
         serial: campaign.config.instrument.serial.clone(),
@@ -93,6 +100,9 @@ fn answer(
         similarity: verdict::similarity(model, search),
         compensation: matches!(verdict, Verdict::Explained | Verdict::NoGap)
             .then(|| onboard::compensation(model, shown)),
+        suspects: remarks::suspects(campaign, settled),
+        noise: remarks::noise(settled),
+        sessions: remarks::sessions(model, shown),
         not_looked_at: location::not_looked_at(campaign),
     }
 }

@@ -9,6 +9,7 @@ use super::proposals::{Proposal, proposals};
 use super::verdict::{credible_set, name};
 use crate::campaign::Campaign;
 use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::Assumptions;
 
 /// Tests that tell less are not proposed.
 const LEAST_BITS: f64 = 0.01;
@@ -62,7 +63,13 @@ fn gained(
     larger.readings.extend_from_slice(&proposal.readings);
     larger.runs.extend_from_slice(&proposal.runs);
     let scale_v_per_g = model.scale_v_per_g();
-    let mut with = CampaignModel::with_scale(&larger, &[], model.effects(), scale_v_per_g);
+    let mut with = CampaignModel::with_scale(
+        &larger,
+        &[],
+        model.effects(),
+        &Assumptions::default(),
+        scale_v_per_g,
+    );
     with.believe(model.conditions().coefficients);
     if proposal.swapped {
         with.swap_reference_from(made);

@@ -1,6 +1,6 @@
 //! Tests that a laboratory can make.
 
-use crate::campaign::{Campaign, Measured, Reading, Run, VibrationKind};
+use crate::campaign::{Campaign, Drift, Measured, Reading, Run, VibrationKind};
 
 /// Length of a long sine dwell, s.
 const DWELL_S: f64 = 600.0;
@@ -60,7 +60,7 @@ pub(super) fn proposals(campaign: &Campaign) -> Vec<Proposal> {
         measured: model.measured.map(|m| Measured {
             before_v: 0.0,
             during_v: 0.0,
-            after_v: 0.0,
+            after_v: m.after_v.map(|_| 0.0),
             ..m
         }),
         ..model.clone()
@@ -121,7 +121,10 @@ pub(super) fn proposals(campaign: &Campaign) -> Vec<Proposal> {
     // As precise, for the longer while, as its drift over that while.
     dwell.duration_s = DWELL_S;
     dwell.measured = dwell.measured.map(|m| Measured {
-        drift_sigma_v_per_s: m.drift_sigma_v_per_s * model.duration_s / DWELL_S,
+        drift: m.drift.map(|drift| Drift {
+            sigma_v_per_s: drift.sigma_v_per_s * model.duration_s / DWELL_S,
+            ..drift
+        }),
         ..m
     });
     proposals.push(Proposal {

@@ -13,10 +13,11 @@ use inference::prior::{Prior, grid};
 
 use super::{Verdict, diagnose};
 use crate::campaign::{
-    Acquisition, Approach, Bench, Campaign, CampaignConfig, Instrument, Measured, Reading, Run,
-    VibrationKind,
+    Acquisition, Approach, Bench, Campaign, CampaignConfig, Drift, Instrument, Measured, Reading,
+    Run, VibrationKind,
 };
 use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::Assumptions;
 use crate::effects::identity::Stage;
 use crate::effects::{self, Action, Effect};
 use crate::error::Error;
@@ -76,7 +77,13 @@ pub fn diagnose_published(row: &Published) -> Result<TableDiagnosis, Error> {
     let study = diagnose(&campaign, &[])?;
     let effects: Vec<&'static Effect> = effects::catalogue().collect();
     let scale_v_per_g = row.coefficients.scale_factor_v_per_g;
-    let model = CampaignModel::with_scale(&campaign, &[], &effects, scale_v_per_g);
+    let model = CampaignModel::with_scale(
+        &campaign,
+        &[],
+        &effects,
+        &Assumptions::default(),
+        scale_v_per_g,
+    );
     let vre_g = |members: &[Member]| vre_g(&model, row, members);
     let gap_g = row.measured_vre_g - vre_g(&[]);
     let mut found = TableDiagnosis {
@@ -181,6 +188,9 @@ fn campaign(row: &Published) -> Campaign {
         level_sigma_arcsec: EVEN * HEAD_ARCSEC,
         local_gravity_g: 1.0,
         reference_temp_c,
+        session_bias_sigma_g: None,
+        session_alignment_sigma_arcsec: None,
+        session_gain_rel_sigma: None,
         unknown: Default::default(),
     };
     let instrument = Instrument {
@@ -193,6 +203,7 @@ fn campaign(row: &Published) -> Campaign {
         sample_rate_hz: 400.0,
         divider: None,
         gain: None,
+        sigma_dof: None,
         unknown: Default::default(),
     };
     let readings = paper_plan().zip(0..).map(|(position, order)| Reading {
@@ -206,6 +217,8 @@ fn campaign(row: &Published) -> Campaign {
         temp_c: reference_temp_c,
         output_v: c.output_v(position.specific_force()),
         sigma_v: EVEN * ROUNDING_1_G * c.scale_factor_v_per_g,
+        session: None,
+        exclude: false,
         unknown: Vec::new(),
     });
     let rest = shared::model::SpecificForce::new(0.0, 0.0, 1.0);
@@ -223,14 +236,18 @@ fn campaign(row: &Published) -> Campaign {
         measured: Some(Measured {
             before_v,
             during_v: before_v + c.scale_factor_v_per_g * row.measured_vre_g,
-            after_v: before_v,
+            after_v: Some(before_v),
             // The rounding belongs to the difference of two plateaus.
             sigma_v: EVEN * ROUNDING_2_G * c.scale_factor_v_per_g * std::f64::consts::FRAC_1_SQRT_2,
-            drift_v_per_s: 0.0,
-            drift_sigma_v_per_s: ROUNDING_2_G / DURATION_S,
+            drift: Some(Drift {
+                v_per_s: 0.0,
+                sigma_v_per_s: ROUNDING_2_G / DURATION_S,
+            }),
             extremes: None,
         }),
         reference: None,
+        session: None,
+        exclude: false,
         unknown: Vec::new(),
     };
     Campaign {

@@ -2,6 +2,7 @@
 
 use inference::adequacy::gap;
 use inference::fit::Fit;
+use inference::model::SeparableModel;
 
 use crate::campaign_model::CampaignModel;
 use crate::forward::contribution::Observable;
@@ -26,12 +27,10 @@ pub struct GapRow {
 /// Every run that was made.
 pub(super) fn rows(model: &CampaignModel, fit: &Fit) -> Vec<GapRow> {
     let gap = gap(model, fit);
-    let made = model
-        .conditions()
-        .runs
-        .iter()
-        .enumerate()
-        .filter(|(_, run)| run.made);
+    let during = model.rows(Observable::During).start;
+    let used = |row: usize| model.observations().weight(during + row) > 0.0;
+    let runs = model.conditions().runs.iter().enumerate();
+    let made = runs.filter(|(row, run)| run.made && used(*row));
     let row = |(n, run): (usize, &crate::forward::conditions::RunConditions)| {
         let at = |observable| {
             let row = model.rows(observable).start + n;

@@ -4,7 +4,7 @@ use inference::fit::Fit;
 use inference::remainder::{Remainder, signature};
 use inference::search::{Hypothesis, Search};
 
-use super::answer::{Similarity, Verdict, Which};
+use super::answer::{Shrink, Similarity, Verdict, Which};
 use super::estimates::estimates;
 use crate::campaign_model::CampaignModel;
 
@@ -16,6 +16,10 @@ const CLASS: usize = 2;
 const LISTED: f64 = 1e-3;
 const MOST_LISTED: usize = 8;
 const LISTED_IF_UNEXPLAINED: usize = 3;
+/// Chance of the nominal model's misfit above which there is nothing to explain.
+const FITS: f64 = 1e-2;
+/// Growth of the error on held-out runs with which an effect explains nothing.
+const WORSE: f64 = 1.2;
 /// Most hypotheses whose likeness is told.
 const MOST_COMPARED: usize = 8;
 
@@ -25,14 +29,21 @@ pub(super) struct Judgement {
 }
 
 impl Judgement {
-    pub(super) fn of(search: &Search) -> Self {
+    /// `shrink` is that of the most probable hypothesis.
+    pub(super) fn of(search: &Search, shrink: Option<&Shrink>) -> Self {
         let best = &search.hypotheses[0];
         let null = search.hypotheses.iter().find(|h| h.fit.members.is_empty());
         let null_probability = null.map_or(0.0, |h| h.probability);
         let nothing =
             best.fit.members.is_empty() || best.probability < STANDING_ODDS * null_probability;
-        let verdict = match (search.unexplained, nothing) {
+        let fits = search.null_adequacy.p_value > FITS;
+        let worse = shrink.is_some_and(|shrink| {
+            let with = shrink.held_out_rms_with_effects_g;
+            with > WORSE * shrink.held_out_rms_refit_g.max(shrink.noise_floor_rms_g)
+        });
+        let verdict = match (search.unexplained, nothing || fits) {
             (true, _) => Verdict::Unexplained,
+            (false, false) if worse => Verdict::Unexplained,
             (false, true) => Verdict::NoGap,
             (false, false) => match credible_set(search).len() {
                 1 => Verdict::Explained,

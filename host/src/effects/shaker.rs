@@ -92,7 +92,8 @@ pub(super) const EFFECTS: &[Effect] = &[
 
 fn distort(p: &[f64], s: &Conditions, witnesses: &Witnesses, motions: &mut [Motion]) {
     let h2 = p[0];
-    for ((run, motion), reference) in s.runs.iter().zip(motions).zip(&witnesses.reference) {
+    let seen = witnesses.reference.iter().zip(&witnesses.level_excess);
+    for ((run, motion), (reference, (excess, _))) in s.runs.iter().zip(motions).zip(seen) {
         if run.kind == VibrationKind::Sine {
             motion.second_harmonic = h2;
             // The power that the waveform gains by itself, 1 + h2^2, against what was seen.
@@ -102,7 +103,7 @@ fn distort(p: &[f64], s: &Conditions, witnesses: &Witnesses, motions: &mut [Moti
             // Without a harmonic the table follows its command.
             let main = main_axis(&run.direction);
             let share = -(-(h2 / LEAST_HARMONIC).powi(2)).exp_m1();
-            motion.scale(1.0 + share * (seen[main] / run.direction[main] - 1.0));
+            motion.scale(1.0 + share * (seen[main] / run.direction[main] / (1.0 + excess) - 1.0));
             motion.power_variance += (2.0 * share * witnesses.reference_rel_sigma).powi(2);
         }
     }

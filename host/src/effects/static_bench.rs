@@ -2,7 +2,7 @@
 
 use super::identity::Stage;
 use super::{Action, Effect, linear, on_dial};
-use crate::forward::conditions::ARCSEC_RAD;
+use shared::tumble::ARCSEC_RAD;
 
 pub(super) const EFFECTS: &[Effect] = &[
     // An angle error e(dial) moves a_I by its derivative, the tangent, times e.

@@ -10,15 +10,12 @@ use super::time_mean::Averages;
 use crate::campaign::{Approach, Campaign, Reading, ReferenceMoments, Run, Series, VibrationKind};
 use crate::statics::position;
 
-/// Radians in one second of arc.
-pub const ARCSEC_RAD: f64 = std::f64::consts::PI / 648_000.0;
-
 /// Conditions of one dial reading.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadingConditions {
     /// Sequence number.
     pub order: u64,
-    /// Time since the campaign's start, s.
+    /// Time, s; among those of a model since the campaign's first row.
     pub time_s: f64,
     /// Which axis lies along the head's.
     pub series: Series,
@@ -54,7 +51,7 @@ impl From<&Reading> for ReadingConditions {
 pub struct RunConditions {
     /// Run number.
     pub number: u64,
-    /// Time of the centre of the plateau before the vibration, s.
+    /// Time of the centre of the plateau before the vibration, s; among those of a model since the campaign's first row.
     pub time_s: f64,
     /// Kind of the vibration.
     pub kind: VibrationKind,
@@ -122,17 +119,14 @@ pub struct Witnesses {
     pub reference_rel_sigma: f64,
     /// Relative excess of a sine's mean square that the reference saw over the command's.
     pub power_excess: f64,
+    /// Of each run the table's level over its command, less 1, and its variance.
+    pub level_excess: Vec<(f64, f64)>,
 }
 
 impl Witnesses {
     /// Of runs in the order of time, outputs divided by a scale factor.
     pub fn new(campaign: &Campaign, runs: &[&Run], scale_v_per_g: f64) -> Self {
-        let extremes_g = |run: &&Run| {
-            let extremes = run.measured?.extremes?;
-            Some(
-                [extremes.minimum_v, extremes.maximum_v].map(|extreme_v| extreme_v / scale_v_per_g),
-            )
-        };
+        let extremes_g = |run: &&Run| Some(run.measured?.extremes?.over(scale_v_per_g));
         let shaker = campaign.config.shaker.as_ref();
         let reference_rel_sigma = shaker.map_or(0.0, |s| s.reference_rms_rel_sigma);
         Self {
@@ -140,6 +134,7 @@ impl Witnesses {
             reference: runs.iter().map(|run| run.reference).collect(),
             reference_rel_sigma,
             power_excess: power_excess(runs, reference_rel_sigma),
+            level_excess: vec![(0.0, 0.0); runs.len()],
         }
     }
 }
@@ -170,18 +165,40 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// Of a campaign's readings and of runs in the order of time, moving as commanded.
-    pub fn new(campaign: &Campaign, runs: &[&Run], coefficients: Coefficients<f64>) -> Self {
-        let readings: Rc<[_]> = campaign
-            .readings
-            .iter()
-            .map(ReadingConditions::from)
-            .collect();
-        let motion = |run: &&Run| Motion::commanded(&(*run).into(), run.reference.as_ref());
-        let conditions: Rc<[RunConditions]> = runs.iter().map(|run| (*run).into()).collect();
+    /// Of a campaign's readings and of runs in the order of time, moving as command and reference together say.
+    pub fn new(
+        campaign: &Campaign,
+        runs: &[&Run],
+        witnesses: &Witnesses,
+        coefficients: Coefficients<f64>,
+    ) -> Self {
+        let start_s = campaign.start_s();
+        let reading = |reading: &Reading| ReadingConditions {
+            time_s: reading.time_s - start_s,
+            ..reading.into()
+        };
+        let readings: Rc<[_]> = campaign.readings.iter().map(reading).collect();
+        let motion = |(run, (excess, variance)): (&&Run, &(f64, f64))| {
+            let mut motion = Motion::commanded(&(*run).into(), run.reference.as_ref());
+            if *excess != 0.0 {
+                motion.scale(1.0 + excess);
+            }
+            // The mean square follows the level twice.
+            motion.power_variance = 4.0 * variance;
+            motion
+        };
+        let run = |run: &&Run| RunConditions {
+            time_s: run.time_s - start_s,
+            ..(*run).into()
+        };
+        let conditions: Rc<[RunConditions]> = runs.iter().map(run).collect();
         let bench = &campaign.config.bench;
         Self {
-            motions: runs.iter().map(motion).collect(),
+            motions: runs
+                .iter()
+                .zip(&witnesses.level_excess)
+                .map(motion)
+                .collect(),
             averages: Rc::new(Averages::new(&conditions)),
             bands: Rc::new(Bands::new(&conditions)),
             readings,
@@ -204,7 +221,8 @@ impl Conditions {
     }
 }
 
-/// The reference's rms over the commanded level on each axis, with the sign of the motion.
+/// The reference's rms over the commanded level on each axis, with the sign of the motion: across the main axis the part
+/// that moves with it, so that noise of the reference's own has no share in it.
 pub fn seen_ratios(run: &RunConditions, seen: Option<&ReferenceMoments>) -> Option<[f64; 3]> {
     let seen = seen?;
     let level = match run.kind {
@@ -225,7 +243,7 @@ pub fn seen_ratios(run: &RunConditions, seen: Option<&ReferenceMoments>) -> Opti
             (false, Some(correlation)) => correlation[pair[axis]],
             (false, None) => (run.direction[axis] * run.direction[main]).signum(),
         };
-        ratios[axis] = sign * with_main.signum() * seen.rms_g[axis] / level;
+        ratios[axis] = sign * with_main * seen.rms_g[axis] / level;
     }
     Some(ratios)
 }

@@ -16,6 +16,13 @@ pub fn coefficients(x: &[f64]) -> Coefficients<f64> {
     Coefficients::from_nominal(c)
 }
 
+/// The value of (1), or of its vibration error, in g, from its derivatives by the unknowns.
+pub fn value(coefficients: &Coefficients<f64>, terms: &[f64; NOMINAL]) -> f64 {
+    let mut c = coefficients.to_nominal();
+    c[0] = 1.0;
+    c.iter().zip(terms).map(|(c, term)| c * term).sum()
+}
+
 /// What each unknown of (1) does to the observables when the instrument moves so; not whitened.
 pub fn design(conditions: &Conditions, layout: &Layout, motions: &[Motion]) -> Vec<Column> {
     let still: Vec<_> = conditions

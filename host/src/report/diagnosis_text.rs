@@ -2,15 +2,21 @@
 
 use std::fmt::Write as _;
 
-use crate::diagnose::answer::{Shrink, Which};
+use crate::diagnose::answer::{Estimate, Shrink, Which};
 use crate::diagnose::{Diagnosis, Verdict, WHY_NOT_CARRIED};
 use crate::effects;
 use crate::quantity::Quantity;
 
+/// Standard deviations from which on something of a session's own is told.
+const TOLD: f64 = 4.0;
+
 /// A diagnosis in a screenful.
 pub fn text(diagnosis: &Diagnosis) -> String {
-    let mut out = format!(
-        "instrument {}: {}\n\n",
+    let mut out = String::new();
+    to_do(&mut out, diagnosis);
+    let _ = writeln!(
+        out,
+        "instrument {}: {}\n",
         diagnosis.serial,
         headline(diagnosis)
     );
@@ -37,6 +43,61 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         let _ = writeln!(out, "not seen {note}");
     }
     out
+}
+
+/// What the user must look at before all else.
+fn to_do(out: &mut String, diagnosis: &Diagnosis) {
+    for suspect in &diagnosis.suspects {
+        let would = suspect.would_explain.as_ref();
+        let would = would.map_or(String::new(), |slip| format!("; {slip} would explain it"));
+        let _ = writeln!(
+            out,
+            "row {} of {} ({} {}) does not belong: {:.1} sigma{would}; set aside",
+            suspect.row, suspect.file, suspect.what, suspect.number, suspect.sigma_off
+        );
+    }
+    for noise in diagnosis.noise.iter().filter(|noise| !noise.stated_holds) {
+        let factor = noise.factor.value;
+        let (word, times) = match factor > 1.0 {
+            true => ("small", factor),
+            false => ("large", factor.recip()),
+        };
+        let _ = writeln!(
+            out,
+            "the stated noise of {} is too {word}, by {times:.2}; the answer uses what the data show",
+            noise.of
+        );
+    }
+    for session in &diagnosis.sessions {
+        let told = |name: &str, estimate: Option<Estimate>, nothing: f64, scale: f64| {
+            let estimate = estimate?;
+            let far = (estimate.value - nothing).abs() > TOLD * estimate.sigma;
+            far.then(|| {
+                let quantity = Quantity::new(scale * estimate.value, scale * estimate.sigma);
+                format!("{name} {quantity}")
+            })
+        };
+        let turns = session.alignment_rad.iter().zip(["about PA", "about OA"]);
+        let turns = turns.filter_map(|(turn, axis)| {
+            told(&format!("turned {axis} by microrad"), Some(*turn), 0.0, 1e6)
+        });
+        let remarks: Vec<String> = told("bias off by microg", session.bias_g, 0.0, 1e6)
+            .into_iter()
+            .chain(turns)
+            .chain(told("gain", session.gain, 1.0, 1.0))
+            .collect();
+        if !remarks.is_empty() {
+            let _ = writeln!(
+                out,
+                "session {}: {}; no gap",
+                session.session,
+                remarks.join(", ")
+            );
+        }
+    }
+    if !out.is_empty() {
+        out.push('\n');
+    }
 }
 
 /// Where the gap lies, and at which link of the chain.

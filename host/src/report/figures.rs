@@ -117,7 +117,7 @@ fn residuals_about_mounts(report: &Report<'_>) -> Vec<Residual> {
         .readings
         .iter()
         .zip(&report.identification.residuals_g)
-        .map(|(r, residual)| (statics::position(r), *residual, r.sigma_v / k1))
+        .map(|(r, residual)| (statics::position(r), *residual, r.sigma_v / k1.abs()))
         .collect();
     for (position, residual, _) in &all {
         let slope = tangent(position);

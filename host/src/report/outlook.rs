@@ -212,7 +212,7 @@ impl Judge {
                 bench: statics::bench(&campaign.config.bench),
                 noise_g: readings.iter().map(|r| r.sigma_v).sum::<f64>()
                     / readings.len() as f64
-                    / k1,
+                    / k1.abs(),
                 prior_sigma: DEFAULT_PRIOR_SIGMA,
             },
             environments: rms_g.iter().map(environment).collect(),

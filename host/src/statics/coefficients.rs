@@ -36,11 +36,14 @@ pub const MEANINGS: [&str; NOMINAL] = [
     "cross-coupling PA-OA",
 ];
 
+/// Components of a unit vector up to this are rounding, some 1e-16 in fact.
+const ROUNDING: f64 = 1e-9;
+
 /// The blind directions, each as the components that are not zero, by name.
 pub fn blind_directions(seen: &Visibility<f64>) -> Vec<BTreeMap<&'static str, f64>> {
     let by_name = |direction: &[f64; NOMINAL]| {
         let named = NAMES.into_iter().zip(*direction);
-        named.filter(|(_, component)| *component != 0.0).collect()
+        named.filter(|(_, c)| c.abs() > ROUNDING).collect()
     };
     seen.blind_directions().iter().map(by_name).collect()
 }

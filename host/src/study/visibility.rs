@@ -10,6 +10,7 @@ use inference::remainder::Remainder;
 
 use crate::campaign::Campaign;
 use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::Assumptions;
 use crate::campaign_model::observables::GAP;
 
 /// Steps towards the visibility that is asked for.
@@ -21,7 +22,13 @@ const TOLERATED: f64 = 0.4;
 /// Visibility of what two campaigns of the same noise differ by; `None` if they do not determine the nominal model.
 pub fn visibility(with: &Campaign, bare: &Campaign) -> Option<f64> {
     let model = CampaignModel::new(bare, &[], &[]);
-    let changed = CampaignModel::with_scale(with, &[], &[], model.scale_v_per_g());
+    let changed = CampaignModel::with_scale(
+        with,
+        &[],
+        &[],
+        &Assumptions::default(),
+        model.scale_v_per_g(),
+    );
     let null = fit_base(&model)?;
     let [now, then] = [&changed, &model].map(|model| &model.observations().observed().values);
     let mut difference = vec![0.0; model.observations().len()];
