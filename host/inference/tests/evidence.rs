@@ -98,6 +98,47 @@ fn evidence_of_a_proportion_is_the_integral_however_little_is_known_of_it() {
     }
 }
 
+/// Two waves that look alike: each given the other is known better than alone. The chain takes the second at its best:
+/// measured over 80 sets, off by 0.87 at most and by -0.11 in the mean.
+#[test]
+fn evidence_of_two_proportions_is_the_integral() {
+    let integral = |model: &Synthetic| {
+        let dense = model.dense(&[]);
+        let units = model.units(&member(TWO_WAVES, &[0.0, 0.0]));
+        let whiten = |unit| dense.lower.solve_lower_triangular(unit).unwrap();
+        let (one, other) = (whiten(&units[0]), whiten(&units[1]));
+        let information = nalgebra::Matrix2::new(
+            one.dot(&one),
+            one.dot(&other),
+            other.dot(&one),
+            other.dot(&other),
+        );
+        let right = nalgebra::Vector2::new(one.dot(&dense.left), other.dot(&dense.left));
+        let covariance = information.try_inverse().unwrap();
+        let best = covariance * right;
+        let sigma = [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()];
+        let along = |k: usize| middles((best[k] - 8.0 * sigma[k], best[k] + 8.0 * sigma[k]), 300);
+        let mut parts = Vec::new();
+        for x in along(0) {
+            for &y in &along(1) {
+                let at = nalgebra::Vector2::new(x, y);
+                let gained = at.dot(&right) - 0.5 * at.dot(&(information * at));
+                parts.push(gained + (cauchy(x) * cauchy(y)).ln());
+            }
+        }
+        let part = sigma[0] * sigma[1] * (16.0_f64 / 300.0).powi(2);
+        log_sum(&parts) + part.ln() - 0.5 * dense.objective()
+    };
+    for amount in [0.0, 1.0] {
+        let draw = |random: &mut Random| vec![amount * random.normal(), amount * random.normal()];
+        let (mean, largest) = Compared::over(40, TWO_WAVES, draw, integral).off();
+        assert!(
+            mean.abs() < 0.2 && largest < 1.2,
+            "{amount}: {mean} {largest}"
+        );
+    }
+}
+
 #[test]
 fn evidence_of_a_threshold_is_the_integral_over_its_steps() {
     let integral = |model: &Synthetic| {

@@ -357,7 +357,6 @@ mod tests {
                 }
                 found += usize::from(!table.regions().is_empty());
             }
-            println!("{found} of {TABLES}");
             assert!(is_one_in_twenty(found, TABLES as usize), "{found}");
         }
     }
@@ -371,7 +370,6 @@ mod tests {
                 *found += usize::from(!table.regions().is_empty());
             }
         }
-        println!("{found:?} of {CAMPAIGNS}");
         for found in found {
             assert!(is_one_in_twenty(found, CAMPAIGNS as usize), "{found}");
         }
