@@ -282,10 +282,13 @@ fn band(row: &Row<'_>, kind: VibrationKind) -> Result<[f64; 2], Error> {
 /// further cells of it (sigma, drift, extremes) may be filled, must be sound, and are not kept.
 fn measured(row: &Row<'_>) -> Result<Option<Measured>, Error> {
     let [before, during, sigma] = MEASURED;
-    // The uncertainty of a drift that is not there tells nothing.
+    let unmade = [before, during, AFTER[0]]
+        .iter()
+        .all(|plateau| row.text(plateau).is_none());
+    // Of a run that was not made the uncertainties may be stated already.
     let drift = match row.text(DRIFT[0]) {
-        Some(_) => pair(row, DRIFT, [&ranges::DRIFT, &ranges::DRIFT_SIGMA])?,
-        None => row.optional(DRIFT[1], &ranges::DRIFT_SIGMA)?.and(None),
+        None if unmade => row.optional(DRIFT[1], &ranges::DRIFT_SIGMA)?.and(None),
+        _ => pair(row, DRIFT, [&ranges::DRIFT, &ranges::DRIFT_SIGMA])?,
     };
     let further = Further {
         after_v: row.optional(AFTER[0], &ranges::OUTPUT)?,
@@ -295,10 +298,7 @@ fn measured(row: &Row<'_>) -> Result<Option<Measured>, Error> {
         }),
         extremes: extremes(row)?,
     };
-    if [before, during, AFTER[0]]
-        .iter()
-        .all(|plateau| row.text(plateau).is_none())
-    {
+    if unmade {
         row.optional(sigma, &ranges::OUTPUT_SIGMA)?;
         return Ok(None);
     }

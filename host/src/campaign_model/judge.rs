@@ -24,6 +24,8 @@ const MOST: usize = 3;
 const SPREAD_OF_MEDIAN: f64 = 1.16;
 /// Its standard deviations at which a factor on the noise is called one.
 const CLEAR: f64 = 4.0;
+/// Factor up to which numbers were computed, not measured: no noise is stated so much too large.
+const COMPUTED: f64 = 0.05;
 /// Fewest rows that tell a factor.
 const FEWEST: usize = 8;
 /// 1 / 0.6745: a normal standard deviation over the median of moduli.
@@ -158,7 +160,8 @@ fn factor(mut moduli: Vec<f64>, under: f64) -> f64 {
     moduli.sort_by(f64::total_cmp);
     let found = under * MEDIAN_TO_SIGMA * moduli[n / 2];
     let clear = CLEAR * SPREAD_OF_MEDIAN / (n as f64).sqrt();
-    if found.ln().abs() > clear { found } else { 1.0 }
+    let told = found > COMPUTED && found.ln().abs() > clear;
+    if told { found } else { 1.0 }
 }
 
 /// Of each row that is set aside its distance from what the answer expects of it.

@@ -7,6 +7,7 @@ use shared::compensate::Calibration;
 use shared::model::Coefficients;
 use shared::rectification::{Covariance, RECTIFYING};
 
+use crate::contradictions::Contradiction;
 use crate::effects::identity::Stage;
 use crate::effects::{self, Effect};
 use crate::error::{Error, clip};
@@ -191,6 +192,9 @@ pub struct Diagnosis {
     /// Rows that do not belong, set aside.
     #[serde(default)]
     pub suspects: Vec<SuspectRow>,
+    /// Columns that contradict each other: runs that are set aside for it, and what the user accepted.
+    #[serde(default)]
+    pub contradictions: Vec<Contradiction>,
     /// How far the stated noise holds, by kind.
     #[serde(default)]
     pub noise: Vec<NoiseFactor>,

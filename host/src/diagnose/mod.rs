@@ -28,6 +28,7 @@ pub use onboard::WHY_NOT_CARRIED;
 pub use rows::GapRow;
 
 use crate::campaign::Campaign;
+use crate::contradictions::contradictions;
 use crate::effects::{self, Effect};
 use crate::error::Error;
 use settle::{Settled, settle};
@@ -85,6 +86,7 @@ fn answer(
         false => held_out::shrink(campaign, model, search, shown),
     };
     let shrink = shrink.map(|shrink| shrink.under(verdict));
+    let contradictions = contradictions(campaign);
     Diagnosis {
         format: answer::FORMAT.into(),
         serial: campaign.config.instrument.serial.clone(),
@@ -100,7 +102,8 @@ fn answer(
         similarity: verdict::similarity(model, search),
         compensation: matches!(verdict, Verdict::Explained | Verdict::NoGap)
             .then(|| onboard::compensation(model, shown)),
-        suspects: remarks::suspects(campaign, settled),
+        suspects: remarks::suspects(campaign, settled, shown, &contradictions),
+        contradictions,
         noise: remarks::noise(settled),
         sessions: remarks::sessions(model, shown),
         not_looked_at: location::not_looked_at(campaign),

@@ -3,7 +3,7 @@
 
 use inference::fit::Fit;
 use inference::model::SeparableModel;
-use shared::model::{Coefficients, FURTHER};
+use shared::model::{Coefficients, FURTHER, NOMINAL};
 use shared::rectification::{NOMINAL_RECTIFYING, RECTIFYING};
 
 use super::answer::Compensation;
@@ -42,7 +42,12 @@ pub(super) fn compensation(model: &CampaignModel, fit: &Fit) -> Compensation {
     let covariance = covariance(fit, &handed, &unknown);
     handed.scale_factor_v_per_g = fit.base_values[0] * model.scale_v_per_g();
     let told = |&(k, precision): &(usize, &f64)| fit.covariance(k, k) * precision < UNTOLD;
-    let priors = model.base().prior_precision.iter().enumerate();
+    let priors = model
+        .base()
+        .prior_precision
+        .iter()
+        .take(NOMINAL)
+        .enumerate();
     let rank = priors.filter(told).count() as u8;
     let (mut carried, mut not_carried) = (Vec::new(), Vec::new());
     for member in &fit.members {
