@@ -68,6 +68,7 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
         model,
         search,
         assumptions,
+        ..
     } = best;
     let fit = &search.hypotheses[0].fit;
     let suspects = suspects(campaign, &model, fit, &assumptions);
@@ -85,6 +86,8 @@ struct Attempt {
     model: CampaignModel,
     search: Search,
     assumptions: Assumptions,
+    /// Logarithm of how much less probable the errors of the rows set aside are than small ones.
+    gross: f64,
 }
 
 fn attempt(
@@ -94,10 +97,17 @@ fn attempt(
 ) -> Option<Attempt> {
     let mut model = CampaignModel::assuming(campaign, &[], effects, &assumptions);
     let search = search(&mut model, &SearchPolicy::default())?;
+    let fit = &search.hypotheses[0].fit;
+    let far = |suspect: Suspect| (suspect.distance / GROSS_WIDTH).powi(2).ln_1p();
+    let gross = suspects(campaign, &model, fit, &assumptions)
+        .into_iter()
+        .map(far)
+        .sum();
     Some(Attempt {
         model,
         search,
         assumptions,
+        gross,
     })
 }
 
@@ -113,7 +123,7 @@ impl Attempt {
         // An error of a few tens of standard deviations under its own distribution, against a sound row's.
         let cost = -PRIOR_GROSS.ln() + (GROSS_WIDTH * (std::f64::consts::PI / 2.0).sqrt()).ln();
         let evidence = self.search.hypotheses[0].log_posterior_weight;
-        evidence - cost * excluded as f64 - self.log_spread()
+        evidence - cost * excluded as f64 - self.gross - self.log_spread()
     }
 
     /// Sum of the logarithms of the standard deviations that the factors on the noise change.
