@@ -156,7 +156,7 @@ impl CampaignModel {
     pub fn in_g(self, nuisances: usize) -> Self {
         let observations = self.observations.in_units();
         let mut columns = nominal::design(&self.conditions, &self.layout, &self.conditions.motions);
-        columns.extend((0..nuisances).map(|_| Column::zero(self.layout.len())));
+        columns.extend((0..nuisances).map(|_| Column::zero(self.layout.row_count())));
         let unknowns = columns.len();
         let columns = columns
             .into_iter()

@@ -91,7 +91,7 @@ impl Observer<'_> {
             scale_v_per_g: self.scale_v_per_g,
             assumptions: self.assumptions,
             values: layout.nothing(),
-            sigma: vec![f64::INFINITY; layout.len()],
+            sigma: vec![f64::INFINITY; layout.row_count()],
         };
         for (row, reading) in campaign.readings.iter().enumerate() {
             seen.values.add(

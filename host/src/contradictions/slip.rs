@@ -222,15 +222,12 @@ fn transposed(value: f64) -> Vec<f64> {
 /// The number with another digit in one place.
 fn with_another_digit(value: f64) -> impl Iterator<Item = f64> {
     let text = value.to_string().into_bytes();
-    let places = 0..text.len();
-    places.flat_map(move |at| {
-        let digits = if text[at].is_ascii_digit() {
-            b'0'..=b'9'
-        } else {
-            b'1'..=b'0'
-        };
+    let digits_at: Vec<usize> = (0..text.len())
+        .filter(|&at| text[at].is_ascii_digit())
+        .collect();
+    digits_at.into_iter().flat_map(move |at| {
         let text = text.clone();
-        digits.filter_map(move |digit| {
+        (b'0'..=b'9').filter_map(move |digit| {
             let mut text = text.clone();
             text[at] = digit;
             String::from_utf8(text).ok()?.parse().ok()

@@ -152,9 +152,9 @@ fn better(one: Attempt, other: Attempt) -> Attempt {
 }
 
 fn agree(one: &Assumptions, other: &Assumptions) -> bool {
-    let factors = one.noise_factor.iter().zip(&other.noise_factor);
+    let mut factors = one.noise_factor.iter().zip(&other.noise_factor);
     let alike = |(a, b): (&f64, &f64)| (a / b).ln().abs() < AGREE;
     one.excluded_readings == other.excluded_readings
         && one.excluded_runs == other.excluded_runs
-        && factors.map(alike).all(|alike| alike)
+        && factors.all(alike)
 }

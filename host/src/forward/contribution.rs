@@ -86,14 +86,14 @@ impl Layout {
     }
 
     /// Number of all rows.
-    pub fn len(&self) -> usize {
+    pub fn row_count(&self) -> usize {
         self.starts[Observable::ALL.len()]
     }
 
     /// A contribution of nothing.
     pub fn nothing(&self) -> Contribution {
         Contribution {
-            column: Column::zero(self.len()),
+            column: Column::zero(self.row_count()),
             variance_g2: vec![0.0; self.runs],
             layout: *self,
         }

@@ -15,7 +15,7 @@ use super::assessment::{Conditions, Environment, fit};
 /// uncertainty after it, g. Stops before `most` when another position would gain less than 2 %.
 ///
 /// # Errors
-/// As [`assess`].
+/// As [`super::assess`].
 pub fn positions_to_add(
     plan: &[Position],
     conditions: &Conditions,
@@ -62,7 +62,7 @@ pub fn twice_and_remounted(plan: &[Position]) -> (Vec<Position>, Vec<Position>) 
 /// examined, at most twice `readings` times.
 ///
 /// # Errors
-/// As [`assess`].
+/// As [`super::assess`].
 pub fn best_plan(
     readings: usize,
     conditions: &Conditions,
