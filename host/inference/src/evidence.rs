@@ -8,7 +8,7 @@
 //! ln evidence = -objective / 2 - sum over the base ln L_ii + sum over the parameters ln integral
 //! ```
 //!
-//! with the integral of that Gaussian times the prior density ([`over_cauchy`], [`over_range`]); what all hypotheses share
+//! with the integral of that Gaussian times the prior density (`over_cauchy`, `over_range`); what all hypotheses share
 //! (the base's prior) is left out. It is exact for one parameter in proportion, however little is known of it.
 //!
 //! Thresholds and sizes are not for Laplace: the likelihood is a step function of the one, and skewed in the other. Both are

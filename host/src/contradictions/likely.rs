@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn a_number_is_typed_with_as_few_digits_as_serve() {
         assert_eq!(
-            [1.998, 20.1, 0.7071, 1.253].map(typed),
+            [1.998, 20.1, 0.7093, 1.253].map(typed),
             [2.0, 20.0, 0.71, 1.25]
         );
     }
