@@ -28,6 +28,7 @@ const PRIOR_GROSS: f64 = 2e-3;
 const GROSS_WIDTH: f64 = 30.0;
 /// Standard deviation by which a reading that is set aside counts, over a usual one of a microg.
 const EXCLUDED_OVER_STATED: f64 = 1e9;
+
 /// A campaign's model under assumptions that agree with what was found.
 pub(super) struct Settled {
     pub(super) model: CampaignModel,
@@ -59,7 +60,9 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
             break;
         }
         let next = attempt(campaign, effects, judged)?;
-        if next.weight() < best.weight() {
+        // A row that belongs after all comes back, whatever that costs.
+        let fewer = next.assumptions.rows() < best.assumptions.rows();
+        if !fewer && next.weight() < best.weight() {
             break;
         }
         best = next;
