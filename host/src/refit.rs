@@ -9,7 +9,7 @@ use inference::model::{Member, SeparableModel};
 use crate::campaign::{Campaign, Run};
 use crate::campaign_model::CampaignModel;
 use crate::campaign_model::assumptions::Assumptions;
-use crate::campaign_model::judge::judge;
+use crate::campaign_model::judge::{beforehand, judge};
 use crate::effects::Effect;
 use crate::error::Error;
 use crate::forward::contribution::Observable;
@@ -53,7 +53,7 @@ pub fn predict_refitted<'e>(
         let fit = fit_all(&mut model, &members)?;
         Some((model, fit))
     };
-    let stated = Assumptions::of(campaign);
+    let stated = beforehand(campaign).ok_or_else(undetermined)?;
     let (mut model, mut fit) = fitted(&stated).ok_or_else(undetermined)?;
     let judged = judge(campaign, &model, &fit, members.is_empty(), &stated);
     if judged != stated {

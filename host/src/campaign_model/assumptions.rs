@@ -43,6 +43,8 @@ pub struct Assumptions {
     pub excluded_runs: BTreeSet<usize>,
     /// Those of them whose own columns contradict each other: no fit is asked about them.
     pub contradictory_runs: BTreeSet<usize>,
+    /// Whether the table's level scatters about its command as the reference has it; else the scatter is the reference's.
+    pub table_scatters: bool,
 }
 
 impl Default for Assumptions {
@@ -53,6 +55,7 @@ impl Default for Assumptions {
             excluded_readings: BTreeSet::new(),
             excluded_runs: BTreeSet::new(),
             contradictory_runs: BTreeSet::new(),
+            table_scatters: false,
         }
     }
 }

@@ -1,14 +1,15 @@
 //! Which rows belong, and how far the stated noise holds, by what a fit leaves.
 
 use inference::adequacy::leverages;
-use inference::fit::Fit;
+use inference::fit::{Fit, fit_base};
 use inference::model::SeparableModel;
 use inference::observations::Column;
 use inference::outlier::distances;
 
 use super::CampaignModel;
 use super::assumptions::{Assumptions, Noise};
-use crate::campaign::Campaign;
+use super::reference::Reference;
+use crate::campaign::{Campaign, Run};
 use crate::forward::contribution::Observable;
 
 /// Distance in standard deviations from which on a row does not belong: by chance one of 1e9.
@@ -42,6 +43,29 @@ pub struct Suspect {
     pub distance: f64,
 }
 
+/// What is assumed of a campaign before it is searched: runs that contradict themselves are set aside, and the table follows
+/// its command or the reference, whichever the nominal model bears out. `None` if it determines nothing.
+pub fn beforehand(campaign: &Campaign) -> Option<Assumptions> {
+    let command = Assumptions::of(campaign);
+    let runs: Vec<&Run> = campaign.runs.iter().collect();
+    if Reference::of(campaign, &runs).is_none_or(|reference| reference.table_scatter == 0.0) {
+        return Some(command);
+    }
+    let reference = Assumptions {
+        table_scatters: true,
+        ..command.clone()
+    };
+    let misfit = |assumptions: &Assumptions| {
+        let model = CampaignModel::assuming(campaign, &[], &[], assumptions);
+        let fit = fit_base(&model)?;
+        // The reference's own rows differ in their weights: what the instrument says decides.
+        let during = model.rows(Observable::During);
+        Some(fit.residuals[during].iter().map(|z| z * z).sum::<f64>())
+    };
+    let better = misfit(&reference)? < misfit(&command)?;
+    Some(if better { reference } else { command })
+}
+
 /// What a fit says of the assumptions that it was made under: noise and rows judged by it. `flexible` lets smooth functions
 /// of the conditions take what the fit leaves.
 pub fn judge(
@@ -55,7 +79,10 @@ pub fn judge(
     if flexible {
         further.extend(model.smooth_families().into_iter().flatten());
     }
-    let mut judged = Assumptions::without(under.contradictory_runs.clone());
+    let mut judged = Assumptions {
+        table_scatters: under.table_scatters,
+        ..Assumptions::without(under.contradictory_runs.clone())
+    };
     for suspect in suspects(campaign, model, fit, under) {
         if suspect.distance.abs() > STILL_GROSS {
             judged.set_aside(suspect.reading, suspect.place);
@@ -177,6 +204,7 @@ pub fn suspects(
     // The same answer, held against all rows.
     let all = Assumptions {
         noise_factor: assumptions.noise_factor,
+        table_scatters: assumptions.table_scatters,
         ..Assumptions::default()
     };
     let whole = CampaignModel::assuming(campaign, &[], model.effects(), &all);

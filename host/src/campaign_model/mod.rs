@@ -90,6 +90,7 @@ impl CampaignModel {
         }
         let mut witnesses = Witnesses::new(campaign, &runs, scale_v_per_g);
         let reference = Reference::of(campaign, &runs);
+        let reference = reference.map(|reference| reference.under(assumptions.table_scatters));
         if let Some(reference) = &reference {
             let excess = |run: &&Run| {
                 let conditions = RunConditions::from(*run);

@@ -204,6 +204,18 @@ fn split(total: f64, own: Option<f64>, stated: f64) -> (f64, f64) {
 }
 
 impl Reference {
+    /// The same reference where the table's level scatters, or all scatter is the reference's own.
+    pub fn under(self, table_scatters: bool) -> Self {
+        if table_scatters {
+            return self;
+        }
+        Self {
+            scatter: self.scatter.hypot(self.table_scatter),
+            table_scatter: 0.0,
+            ..self
+        }
+    }
+
     /// The table's level over its command, less 1, as reference and command together have it, and its variance.
     pub fn level_excess(&self, run: &RunConditions, ratios: Option<[f64; 3]>) -> (f64, f64) {
         let (table, own) = (self.table_scatter.powi(2), self.scatter.powi(2));

@@ -12,7 +12,7 @@ use inference::search::{Search, SearchPolicy, search};
 use crate::campaign::Campaign;
 use crate::campaign_model::CampaignModel;
 use crate::campaign_model::assumptions::{Assumptions, Noise};
-use crate::campaign_model::judge::{Suspect, judge, noise, suspects};
+use crate::campaign_model::judge::{Suspect, beforehand, judge, noise, suspects};
 use crate::effects::Effect;
 use crate::forward::contribution::Observable;
 
@@ -41,7 +41,7 @@ pub(super) struct Settled {
 
 /// Searches a campaign until assumptions and answer agree. `None` if it determines nothing.
 pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option<Settled> {
-    let stated = Assumptions::of(campaign);
+    let stated = beforehand(campaign)?;
     let mut best = attempt(campaign, effects, stated.clone())?;
     let by_answer = judge(campaign, &best.model, best.fit(), false, &stated);
     let agreed = agree(&by_answer, &stated);
