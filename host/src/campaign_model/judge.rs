@@ -11,6 +11,7 @@ use super::assumptions::{Assumptions, Noise};
 use super::reference::Reference;
 use crate::campaign::{Campaign, Run};
 use crate::forward::contribution::Observable;
+use crate::median::MEDIAN_TO_SIGMA;
 
 /// Distance in standard deviations from which on a row does not belong: by chance one of 1e9.
 const GROSS: f64 = 6.0;
@@ -29,8 +30,6 @@ const CLEAR: f64 = 4.0;
 const COMPUTED: f64 = 0.05;
 /// Fewest rows that tell a factor.
 const FEWEST: usize = 8;
-/// 1 / 0.6745: a normal standard deviation over the median of moduli.
-const MEDIAN_TO_SIGMA: f64 = 1.482_6;
 
 /// A row that does not belong.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,6 +3,7 @@
 
 use crate::campaign::{Campaign, Run};
 use crate::forward::conditions::{RunConditions, seen_ratios};
+use crate::median::{MEDIAN_TO_SIGMA, median};
 
 /// Standard uncertainty of a reference's cross-sensitivity, where none is stated.
 const CROSS_SENSITIVITY: f64 = 0.01;
@@ -11,8 +12,6 @@ const MOST_GAIN: f64 = 0.02;
 /// Component of the direction from which on an axis tells its gain, and up to which it is at rest.
 const TELLING: f64 = 0.3;
 const AT_REST: f64 = 1e-6;
-/// Standard deviation of a robust scale by the median of moduli: 1 / 0.6745 of it.
-const MEDIAN_TO_SIGMA: f64 = 1.482_6;
 /// Fewest runs of one direction that tell a scatter.
 const FEWEST_ALIKE: usize = 3;
 /// Fewest pairs of axes that tell the reference's own scatter.
@@ -86,13 +85,9 @@ impl Reference {
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    match values.len() {
-        0 => 0.0,
-        n if n % 2 == 1 => values[n / 2],
-        n => 0.5 * (values[n / 2 - 1] + values[n / 2]),
-    }
+/// The middle value, 0 of none.
+fn middle(values: Vec<f64>) -> f64 {
+    median(values).unwrap_or(0.0)
 }
 
 /// What an axis at rest reads that the moving one has no part in, g.
@@ -109,7 +104,7 @@ fn noise_g(runs: &[&Run]) -> f64 {
             incoherent.push(seen.rms_g[axis] * (1.0 - coherent).sqrt());
         }
     }
-    median(incoherent)
+    middle(incoherent)
 }
 
 /// Direction and axis, with the usual ratio of the reference to the command there.
@@ -133,14 +128,14 @@ fn usual(seen: &[(RunConditions, [f64; 3])]) -> (Usual, f64) {
             let errors: Vec<f64> = alike
                 .map(|(_, ratios)| ratios[axis] / run.direction[axis] - 1.0)
                 .collect();
-            let middle = median(errors.clone());
+            let middle = middle(errors.clone());
             if errors.len() >= FEWEST_ALIKE {
                 off.extend(errors.iter().map(|error| (error - middle).abs()));
             }
             usual.push((run.direction, axis, middle));
         }
     }
-    (usual, MEDIAN_TO_SIGMA * median(off))
+    (usual, MEDIAN_TO_SIGMA * middle(off))
 }
 
 /// The relative gain error of each axis that moves in some run: by runs along it alone, where there are any.
@@ -154,7 +149,7 @@ fn gains(usual: &Usual) -> Vec<f64> {
         };
         let alone = of(1.0 - AT_REST);
         let errors = if alone.is_empty() { of(0.0) } else { alone };
-        (!errors.is_empty()).then(|| median(errors))
+        (!errors.is_empty()).then(|| middle(errors))
     };
     (0..3).filter_map(of_axis).collect()
 }
@@ -178,16 +173,16 @@ fn own_scatter(seen: &[(RunConditions, [f64; 3])]) -> Option<f64> {
         let alike = differences
             .iter()
             .filter(|(d, p, _)| (d, p) == (direction, pair));
-        (difference - median(alike.map(|(.., d)| *d).collect())).abs()
+        (difference - middle(alike.map(|(.., d)| *d).collect())).abs()
     });
-    Some(MEDIAN_TO_SIGMA * median(off.collect()) * std::f64::consts::FRAC_1_SQRT_2)
+    Some(MEDIAN_TO_SIGMA * middle(off.collect()) * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 /// The reference's own scatter, and the table's. Where the two cannot be told apart each gets half of what is beyond the
 /// stated.
 fn split(total: f64, own: Option<f64>, stated: f64) -> (f64, f64) {
     if total < CLEARLY * stated {
-        return (stated.max(total.min(stated)), 0.0);
+        return (stated, 0.0);
     }
     let beyond = |part: f64| (total * total - part * part).max(0.0).sqrt();
     match own {
@@ -250,7 +245,7 @@ fn cross_sensitivities(seen: &[(RunConditions, [f64; 3])]) -> Vec<f64> {
                 .map(|(run, ratios)| ratios[axis] / run.direction[other])
                 .collect();
             if !parts.is_empty() {
-                found.push(median(parts));
+                found.push(middle(parts));
             }
         }
     }

@@ -2,13 +2,9 @@
 
 use super::identity::Stage;
 use super::{Action, Effect, even, linear, logarithmic, on_dial, stepped};
-use crate::campaign::{Approach, Series, VibrationKind};
+use crate::campaign::{Approach, BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Series, VibrationKind};
 use crate::forward::conditions::{Conditions, Witnesses};
 use crate::forward::contribution::{Contribution, Observable};
-
-/// From the centre of the plateau before a run to that during it and that after it, s.
-const DURING_S: f64 = 20.0;
-const AFTER_S: f64 = 40.0;
 
 pub(super) const EFFECTS: &[Effect] = &[
     Effect {
@@ -72,8 +68,8 @@ pub(super) const EFFECTS: &[Effect] = &[
             }
             for (row, run) in s.runs.iter().enumerate() {
                 change.add(Observable::Before, row, run.time_s);
-                change.add(Observable::During, row, run.time_s + DURING_S);
-                change.add(Observable::After, row, run.time_s + AFTER_S);
+                change.add(Observable::During, row, run.time_s + BEFORE_TO_DURING_S);
+                change.add(Observable::After, row, run.time_s + BEFORE_TO_AFTER_S);
                 change.add(Observable::Drift, row, 1.0);
             }
         }),
@@ -148,7 +144,7 @@ fn self_heating(p: &[f64], s: &Conditions, _: &Witnesses, changes: &mut [Contrib
                 warmth * decay(t - end_s, plateau)
             }
         };
-        let during_s = run.time_s + DURING_S;
+        let during_s = run.time_s + BEFORE_TO_DURING_S;
         change.add(Observable::Before, row, left(run.time_s));
         let full = run.mean_square_g2();
         let risen = full * -(-length / tau).exp_m1();
@@ -169,7 +165,7 @@ fn self_heating(p: &[f64], s: &Conditions, _: &Witnesses, changes: &mut [Contrib
         change.add(
             Observable::After,
             row,
-            warmth * decay(run.time_s + AFTER_S - end_s, plateau),
+            warmth * decay(run.time_s + BEFORE_TO_AFTER_S - end_s, plateau),
         );
     }
 }
