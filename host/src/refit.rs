@@ -1,9 +1,9 @@
 //! Vibration error of runs by the nominal model fitted to all that was measured, static test and shaker runs together, and
 //! by the same fit with effects.
 
+use inference::dense::inner_product;
 use inference::fit::{Fit, fit, fit_base, tangent};
 use inference::held_out::held_out;
-use inference::linear::inner_product;
 use inference::model::{Member, SeparableModel};
 
 use crate::campaign::{Campaign, Run};

@@ -19,8 +19,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
 use statrs::function::erf::erfc;
 
-use crate::fit::solve_linear;
-use crate::linear::{Cholesky, Weighing};
+use crate::dense::Cholesky;
+use crate::linear::{Weighing, solve_linear};
 use crate::model::{Fidelity, Kind, Member, SeparableModel};
 use crate::prior::Prior;
 

@@ -4,7 +4,7 @@
 //! (variable projection).
 
 use crate::evidence::{Ended, log_evidence};
-use crate::linear::{Solution, Weighing, solve};
+use crate::linear::{Solution, Weighing, solve, solve_linear};
 use crate::model::{Fidelity, Kind, Member, Prediction, SeparableModel, linear_precision};
 use crate::observations::Column;
 use crate::prior::Prior;
@@ -202,22 +202,6 @@ fn line_search(
         }
     }
     None
-}
-
-/// The unknowns of the base and all in proportion, at the members' other values.
-pub(crate) fn solve_linear(
-    model: &dyn SeparableModel,
-    members: &[Member],
-    prediction: &Prediction,
-    weighing: &Weighing,
-) -> Option<Solution> {
-    solve(
-        model,
-        prediction,
-        &[],
-        &linear_precision(model, members),
-        weighing,
-    )
 }
 
 /// -2 log likelihood of members at their values, all in proportion solved for.

@@ -1,7 +1,7 @@
 //! Errors of predictions of rows that a fit did not use: the normal equations less those rows, linear about the fit.
 
+use crate::dense::Cholesky;
 use crate::fit::Fit;
-use crate::linear::Cholesky;
 use crate::model::SeparableModel;
 
 /// With the rows `left_out` taken away from a fit, the error of its prediction of each difference of two rows (the first less

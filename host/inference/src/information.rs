@@ -1,7 +1,7 @@
 //! How much further observations are expected to tell about which hypothesis holds.
 
+use crate::dense::Cholesky;
 use crate::fit::{Fit, tangent};
-use crate::linear::Cholesky;
 use crate::model::SeparableModel;
 use crate::observations::Column;
 

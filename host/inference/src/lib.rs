@@ -12,12 +12,14 @@
 //! projection); a hypothesis counts by its marginal likelihood (Laplace).
 
 pub mod adequacy;
+pub mod dense;
 pub mod evidence;
 pub mod fit;
 pub mod held_out;
 pub mod information;
 pub mod linear;
 pub mod model;
+mod normal;
 pub mod observations;
 pub mod outlier;
 pub mod prior;

@@ -3,7 +3,8 @@
 use std::cell::OnceCell;
 use std::rc::Rc;
 
-use crate::linear::{Cholesky, Normal};
+use crate::dense::Cholesky;
+use crate::normal::Normal;
 use crate::observations::{Column, Observations};
 use crate::prior::{Parameter, Prior, grid};
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::linear::inner_product;
+use crate::dense::inner_product;
 
 /// A vector over all observations; what lies outside its span is zero and costs nothing.
 #[derive(Clone, Debug)]

@@ -4,8 +4,8 @@
 //! what all unknowns leave, the shift's estimate over its standard deviation is c'Pr / sqrt(c'Pc): for rows of their own
 //! error the studentized residual, for correlated ones the residual given all the others.
 
+use crate::dense::{Cholesky, inner_product};
 use crate::fit::Fit;
-use crate::linear::{Cholesky, inner_product};
 use crate::model::SeparableModel;
 use crate::observations::Column;
 

@@ -1,7 +1,7 @@
 //! What a fit leaves to further columns, once all its unknowns are eliminated from them.
 
+use crate::dense::{Cholesky, inner_product};
 use crate::fit::Fit;
-use crate::linear::{Cholesky, inner_product};
 use crate::model::SeparableModel;
 use crate::observations::{Column, Observations};
 

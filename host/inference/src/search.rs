@@ -3,9 +3,10 @@
 use std::collections::HashMap;
 
 use crate::adequacy::{Adequacy, adequacy};
+use crate::dense::Cholesky;
 use crate::fit::{Fit, fit, fit_base, tangent, thresholds_anew};
-use crate::linear::{Cholesky, Normal};
 use crate::model::{Fidelity, Kind, Member, Prediction, SeparableModel};
+use crate::normal::Normal;
 use crate::observations::Column;
 use crate::remainder::Remainder;
 use crate::variance::{fit_with_size, gain, unit};

@@ -14,12 +14,12 @@ use shared::model::{Coefficients, NOMINAL};
 
 use crate::campaign::{Campaign, DETECTOR_REL_ERROR, Run, VibrationKind};
 use crate::effects::{Action, Effect};
-use crate::forward::conditions::{Conditions, RunConditions, Witnesses, seen_ratios};
+use crate::forward::conditions::{Conditions, Witnesses, seen_ratios};
 use crate::forward::contribution::{Layout, Observable};
 use crate::forward::finite_record::unseen_variance_g2;
 use crate::forward::motion::Motion;
 use crate::forward::nominal;
-use crate::forward::time_mean::Averages;
+use crate::forward::rows::RunConditions;
 use assumptions::Assumptions;
 use nuisances::{Nuisance, Sessions};
 use prediction::Kept;
@@ -34,8 +34,6 @@ const PRIOR_SIGMA: [f64; NOMINAL] = [
 #[derive(Debug)]
 pub struct CampaignModel {
     conditions: Conditions,
-    /// The same conditions with rough time means, for a first look.
-    rough: Conditions,
     witnesses: Witnesses,
     effects: Vec<&'static Effect>,
     components: Vec<Component>,
@@ -130,10 +128,6 @@ impl CampaignModel {
             .map_or(0.0, |r| r.gain_sigma);
         let (nuisances, base) = base(&conditions, &layout, &observations, &sessions, table_sigma);
         Self {
-            rough: Conditions {
-                averages: Averages::rough().into(),
-                ..conditions.clone()
-            },
             kink_variance: kink_variance(&conditions),
             components: effects.iter().map(|e| e.component(seen)).collect(),
             effects: effects.to_vec(),
@@ -201,7 +195,6 @@ impl CampaignModel {
     pub fn believe(&mut self, coefficients: Coefficients<f64>) {
         self.conditions
             .linearise_about(coefficients, &self.witnesses);
-        self.rough.linearise_about(coefficients, &self.witnesses);
         self.kept.clear();
         let table_sigma = self.reference.as_ref().map_or(0.0, |r| r.gain_sigma);
         let (nuisances, base) = base(
@@ -363,7 +356,7 @@ fn kink_variance(conditions: &Conditions) -> Vec<f64> {
             let zero = motion.zero(run.specific_force_g.i);
             let mean = conditions
                 .averages
-                .mean(run, motion, &[zero], |a| a[0].abs());
+                .mean(run, motion, &[zero], Fidelity::Full, |a| a[0].abs());
             mean.variance
         }
     })
@@ -385,7 +378,7 @@ impl SeparableModel for CampaignModel {
 
     fn predict(&self, members: &[Member], fidelity: Fidelity) -> Prediction {
         match fidelity {
-            Fidelity::Screening => self.predict_anew(members, &self.rough),
+            Fidelity::Screening => self.predict_anew(members),
             Fidelity::Full => self.predict_kept(members),
         }
     }

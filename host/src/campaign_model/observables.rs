@@ -4,13 +4,14 @@
 //! factor of their covariance: noise and repeatability of each, one error a mark, two tilts of the base, one error a
 //! remounting. The plateaus of a run stand for themselves, at the run's nominal attitude.
 
-use inference::linear::inner_product;
+use inference::dense::inner_product;
 use inference::observations::{self, Observations};
 
 use crate::campaign::{Campaign, Measured, Run, VibrationKind};
-use crate::forward::conditions::{RunConditions, seen_ratios};
+use crate::forward::conditions::seen_ratios;
 use crate::forward::contribution::{Contribution, Layout, Observable};
 use crate::forward::motion::main_axis;
+use crate::forward::rows::RunConditions;
 use crate::statics::{bench, covariance};
 
 use super::assumptions::{Assumptions, Noise};

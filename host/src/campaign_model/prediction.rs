@@ -59,13 +59,15 @@ impl Kept {
 }
 
 impl CampaignModel {
-    /// A prediction made anew, under `conditions` of its own.
-    pub(super) fn predict_anew(&self, members: &[Member], conditions: &Conditions) -> Prediction {
+    /// A prediction made anew, for a first look.
+    pub(super) fn predict_anew(&self, members: &[Member]) -> Prediction {
         let changed = self
             .transforms(members)
             .then(|| Rc::new(self.change_motion(members)));
-        let columns = |member: &Member, felt: &Conditions| Rc::new(self.columns(member, felt));
-        self.assemble(members, conditions, changed, columns)
+        let columns = |member: &Member, felt: &Conditions| {
+            Rc::new(self.columns(member, felt, Fidelity::Screening))
+        };
+        self.assemble(members, changed, columns)
     }
 
     /// A prediction from what was made last, as far as it serves.
@@ -75,18 +77,19 @@ impl CampaignModel {
         let columns = |member: &Member, felt: &Conditions| {
             let nonlinear = member.values[self.effect(member).linear()..].to_vec();
             let key = [&[(member.component, nonlinear)], &by[..]].concat();
-            Kept::get(&self.kept.columns, key, || self.columns(member, felt))
+            let make = || self.columns(member, felt, Fidelity::Full);
+            Kept::get(&self.kept.columns, key, make)
         };
-        self.assemble(members, &self.conditions, changed, columns)
+        self.assemble(members, changed, columns)
     }
 
     fn assemble(
         &self,
         members: &[Member],
-        conditions: &Conditions,
         changed: Option<Rc<ChangedMotion>>,
         columns: impl Fn(&Member, &Conditions) -> Rc<Columns>,
     ) -> Prediction {
+        let conditions = &self.conditions;
         let mut prediction = Prediction::of_base(conditions.runs.len());
         // What adds to the output sees the motion as it is.
         let moved = changed.as_ref().map(|changed| Conditions {
@@ -127,13 +130,13 @@ impl CampaignModel {
     }
 
     /// What an effect adds, whitened.
-    fn columns(&self, member: &Member, felt: &Conditions) -> Columns {
+    fn columns(&self, member: &Member, felt: &Conditions, fidelity: Fidelity) -> Columns {
         let effect = self.effect(member);
         let Action::Adds(add) = effect.action else {
             return Vec::new();
         };
         let mut added = vec![self.layout.nothing(); effect.linear().max(1)];
-        add(&member.values, felt, &self.witnesses, &mut added);
+        add(&member.values, felt, &self.witnesses, fidelity, &mut added);
         let whitened = added
             .into_iter()
             .map(|added| (self.observations.whiten(added.column), added.variance_g2));

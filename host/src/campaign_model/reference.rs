@@ -2,7 +2,8 @@
 //! axis, cross-sensitivity. How large they are is stated, or estimated from all runs together.
 
 use crate::campaign::{Campaign, Run};
-use crate::forward::conditions::{RunConditions, seen_ratios};
+use crate::forward::conditions::seen_ratios;
+use crate::forward::rows::RunConditions;
 use crate::median::{MEDIAN_TO_SIGMA, median};
 
 /// Standard uncertainty of a reference's cross-sensitivity, where none is stated.

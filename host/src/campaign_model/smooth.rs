@@ -5,8 +5,9 @@ use inference::observations::Column;
 
 use super::CampaignModel;
 use crate::campaign::Series;
-use crate::forward::conditions::{Conditions, RunConditions};
+use crate::forward::conditions::Conditions;
 use crate::forward::contribution::{Contribution, Layout, Observable};
+use crate::forward::rows::RunConditions;
 
 /// Most directions of motion that each have a family of their own.
 const DIRECTIONS: usize = 8;

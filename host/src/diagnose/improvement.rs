@@ -20,8 +20,8 @@
 //! a probability of more than [`RISK`] are not used in predictions, and close nothing; nor are those of a gap that stays
 //! unexplained: they fit some of what was measured, for a reason that nobody knows.
 
+use inference::dense::{Cholesky, inner_product};
 use inference::fit::Fit;
-use inference::linear::{Cholesky, inner_product};
 use inference::search::{Hypothesis, Search};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

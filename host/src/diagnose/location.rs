@@ -13,8 +13,8 @@ use crate::campaign::{Approach, Campaign};
 use crate::campaign_model::CampaignModel;
 use crate::campaign_model::observables::{GAP, name};
 use crate::effects::identity::Stage;
-use crate::forward::conditions::RunConditions;
 use crate::forward::contribution::Observable;
+use crate::forward::rows::RunConditions;
 
 /// Permutations that the search over conditions is corrected by.
 const PERMUTATIONS: usize = 199;

@@ -10,9 +10,9 @@ use crate::campaign_model::CampaignModel;
 use crate::campaign_model::judge::Suspect;
 use crate::campaign_model::nuisances::Kind;
 use crate::contradictions::{Contradiction, slip, slip_of_run};
-use crate::forward::conditions::RunConditions;
 use crate::forward::motion::Motion;
 use crate::forward::nominal::{self, coefficients};
+use crate::forward::rows::RunConditions;
 
 /// Standard deviations of a factor's logarithm from which on the stated noise does not hold: by chance one in 1e4.
 const CLEAR: f64 = 4.0;

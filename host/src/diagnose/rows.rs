@@ -31,7 +31,7 @@ pub(super) fn rows(model: &CampaignModel, fit: &Fit) -> Vec<GapRow> {
     let used = |row: usize| model.observations().weight(during + row) > 0.0;
     let runs = model.conditions().runs.iter().enumerate();
     let made = runs.filter(|(row, run)| run.made && used(*row));
-    let row = |(n, run): (usize, &crate::forward::conditions::RunConditions)| {
+    let row = |(n, run): (usize, &crate::forward::rows::RunConditions)| {
         let at = |observable| {
             let row = model.rows(observable).start + n;
             [gap[row], fit.residuals[row]]

@@ -2,14 +2,17 @@
 
 use std::f64::consts::PI;
 
-use shared::model::SpecificForce;
+use shared::model::{Coefficients, SpecificForce};
+
+use inference::model::Fidelity;
 
 use super::identity::Stage;
 use super::{Action, Effect, even, linear, logarithmic};
 use crate::campaign::VibrationKind;
-use crate::forward::conditions::{Conditions, RunConditions, Witnesses};
+use crate::forward::conditions::{Conditions, Witnesses};
 use crate::forward::contribution::{Contribution, Observable, add_each};
 use crate::forward::motion::Motion;
+use crate::forward::rows::RunConditions;
 
 pub(super) const EFFECTS: &[Effect] = &[
     // A [sin(pi m u + p) - sin p] = A cos p sin(pi m u) + A sin p (cos(pi m u) - 1); its mean over a sine of
@@ -46,7 +49,7 @@ pub(super) const EFFECTS: &[Effect] = &[
     },
 ];
 
-fn inl(p: &[f64], s: &Conditions, _: &Witnesses, changes: &mut [Contribution]) {
+fn inl(p: &[f64], s: &Conditions, _: &Witnesses, fidelity: Fidelity, changes: &mut [Contribution]) {
     let rate = PI * p[2];
     let error = |u: f64| {
         let (sin, cos) = (rate * u).sin_cos();
@@ -68,7 +71,12 @@ fn inl(p: &[f64], s: &Conditions, _: &Witnesses, changes: &mut [Contribution]) {
             .map(|known| known.2);
         let [rest, during] = same.unwrap_or_else(|| {
             let u = s.coefficients.output_g(a0);
-            [error(u), shaken(error, rate, run, motion, s)]
+            let coefficients = &s.coefficients;
+            let shaken = match fidelity {
+                Fidelity::Screening => shaken_roughly(error, rate, run, motion, coefficients),
+                Fidelity::Full => shaken(error, rate, run, motion, coefficients),
+            };
+            [error(u), shaken]
         });
         if run.kind == VibrationKind::Sine && same.is_none() {
             known.push((a0, *motion, [rest, during]));
@@ -89,26 +97,38 @@ fn inl(p: &[f64], s: &Conditions, _: &Witnesses, changes: &mut [Contribution]) {
     }
 }
 
-/// The time means of sin(rate u) and cos(rate u) - 1, `rate` in radians a g.
+/// The time means of sin(rate u) and cos(rate u) - 1, `rate` in radians a g, as if the output were the specific force but for
+/// a constant.
+fn shaken_roughly(
+    error: impl Fn(f64) -> [f64; 2],
+    rate: f64,
+    run: &RunConditions,
+    motion: &Motion,
+    coefficients: &Coefficients<f64>,
+) -> [f64; 2] {
+    let x = rate * motion.amplitude_g[0].abs();
+    let damping = match run.kind {
+        VibrationKind::Sine => libm::j0(x),
+        VibrationKind::Random => (-0.5 * x * x).exp(),
+    };
+    let [sin, cos] = error(coefficients.output_g(run.specific_force_g));
+    // What is damped is the cosine; the constant is not.
+    [damping * sin, damping * (cos + 1.0) - 1.0]
+}
+
+/// The same with the instrument's own nonlinearity.
 fn shaken(
     error: impl Fn(f64) -> [f64; 2],
     rate: f64,
     run: &RunConditions,
     motion: &Motion,
-    s: &Conditions,
+    coefficients: &Coefficients<f64>,
 ) -> [f64; 2] {
+    if run.kind == VibrationKind::Random {
+        return shaken_roughly(error, rate, run, motion, coefficients);
+    }
     let (a0, h) = (run.specific_force_g, motion.second_harmonic);
     let x = rate * motion.amplitude_g[0].abs();
-    if run.kind == VibrationKind::Random || s.averages.rough {
-        // As if the output were the specific force but for a constant.
-        let damping = match run.kind {
-            VibrationKind::Sine => libm::j0(x),
-            VibrationKind::Random => (-0.5 * x * x).exp(),
-        };
-        let [sin, cos] = error(s.coefficients.output_g(a0));
-        // What is damped is the cosine; the constant is not.
-        return [damping * sin, damping * (cos + 1.0) - 1.0];
-    }
     // The instrument's own nonlinearity bends the sine by a good part of the error's period. An even number of phases
     // of a whole period is exact once it exceeds the phase's excursion (Bessel functions of that order vanish).
     let phases = (0.5 * x * (1.0 + 2.0 * h.abs())) as usize + 16;
@@ -117,7 +137,7 @@ fn shaken(
         let w = motion.at_phase(PI * ((n as f64 + 0.5) / phases as f64 - 0.5));
         let [i, p, o] = motion.amplitude_g.map(|amplitude| amplitude * w);
         let force = SpecificForce::new(a0.i + i, a0.p + p, a0.o + o);
-        for (sum, value) in sums.iter_mut().zip(error(s.coefficients.output_g(force))) {
+        for (sum, value) in sums.iter_mut().zip(error(coefficients.output_g(force))) {
             *sum += value;
         }
     }

@@ -1,5 +1,7 @@
 //! Temperature, time and what the instrument has been through.
 
+use inference::model::Fidelity;
+
 use super::identity::Stage;
 use super::{Action, Effect, even, linear, logarithmic, on_dial, stepped};
 use crate::campaign::{Approach, BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Series, VibrationKind};
@@ -12,7 +14,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Environment,
         says: "the bias follows the temperature",
         parameters: &[linear("g_per_k", 1e-5)],
-        action: Action::Adds(|_, s, _, changes| {
+        action: Action::Adds(|_, s, _, _, changes| {
             let change = &mut changes[0];
             for (row, reading) in s.readings.iter().enumerate() {
                 change.add(Observable::Static, row, reading.temp_c - s.reference_temp_c);
@@ -31,7 +33,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Environment,
         says: "the scale factor follows the temperature",
         parameters: &[linear("per_k", 1e-5)],
-        action: Action::Adds(|_, s, _, changes| {
+        action: Action::Adds(|_, s, _, _, changes| {
             let change = &mut changes[0];
             for (row, reading) in s.readings.iter().enumerate() {
                 let excess_k = reading.temp_c - s.reference_temp_c;
@@ -61,7 +63,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Environment,
         says: "the bias drifts with time",
         parameters: &[linear("g_per_s", 5e-9)],
-        action: Action::Adds(|_, s, _, changes| {
+        action: Action::Adds(|_, s, _, _, changes| {
             let change = &mut changes[0];
             for (row, reading) in s.readings.iter().enumerate() {
                 change.add(Observable::Static, row, reading.time_s);
@@ -111,7 +113,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Environment,
         says: "the reading depends on the sense in which the dial came to its mark",
         parameters: &[linear("h_g", 3e-5)],
-        action: Action::Adds(|_, s, _, changes| {
+        action: Action::Adds(|_, s, _, _, changes| {
             on_dial(s, changes, |reading| {
                 [match (reading.series, reading.approach) {
                     (Series::InputAxis, _) => 0.0,
@@ -124,7 +126,13 @@ pub(super) const EFFECTS: &[Effect] = &[
     },
 ];
 
-fn self_heating(p: &[f64], s: &Conditions, _: &Witnesses, changes: &mut [Contribution]) {
+fn self_heating(
+    p: &[f64],
+    s: &Conditions,
+    _: &Witnesses,
+    _: Fidelity,
+    changes: &mut [Contribution],
+) {
     let change = &mut changes[0];
     let tau = p[1];
     // Mean of exp(-t/tau) over a plateau of a given length centred at t.
@@ -178,7 +186,13 @@ fn left_at(warmth: f64, after_s: f64, tau_s: f64) -> f64 {
     }
 }
 
-fn bias_memory(p: &[f64], s: &Conditions, _: &Witnesses, changes: &mut [Contribution]) {
+fn bias_memory(
+    p: &[f64],
+    s: &Conditions,
+    _: &Witnesses,
+    _: Fidelity,
+    changes: &mut [Contribution],
+) {
     let change = &mut changes[0];
     let (mut level, mut step) = (0.0, 1.0);
     for (row, (run, peak_g)) in s.runs.iter().zip(&*s.peaks_g).enumerate() {

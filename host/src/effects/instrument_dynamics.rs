@@ -1,10 +1,13 @@
 //! What the instrument's inner motion and its servo loop add.
 
+use inference::model::Fidelity;
+
 use super::identity::Stage;
 use super::{Action, Effect, even, linear, logarithmic};
 use crate::campaign::{DETECTOR_REL_ERROR, VibrationKind};
-use crate::forward::conditions::{Conditions, RunConditions, Witnesses};
+use crate::forward::conditions::{Conditions, Witnesses};
 use crate::forward::contribution::{Contribution, Observable};
+use crate::forward::rows::RunConditions;
 
 pub(super) const EFFECTS: &[Effect] = &[
     // A loop whose gain falls as 1/f leaves the deflection theta = (i x)/(1 + i x) w_I, x = f/fc, and a pick-off that
@@ -17,7 +20,7 @@ pub(super) const EFFECTS: &[Effect] = &[
             linear("b_per_g", 1e-3),
             logarithmic("fc_hz", 30.0, 6000.0, 16),
         ],
-        action: Action::Adds(|p, s, _, changes| {
+        action: Action::Adds(|p, s, _, _, changes| {
             filtered(s, &mut changes[0], [0, 0], |f| {
                 let x2 = (f / p[1]).powi(2);
                 x2 / (1.0 + x2)
@@ -35,7 +38,7 @@ pub(super) const EFFECTS: &[Effect] = &[
             linear("k_per_g", 3e-4),
             logarithmic("fn_hz", 30.0, 6000.0, 16),
         ],
-        action: Action::Adds(|p, s, _, changes| {
+        action: Action::Adds(|p, s, _, _, changes| {
             filtered(s, &mut changes[0], [0, 1], |f| {
                 1.0 / (1.0 + (f / p[1]).powi(2))
             });
@@ -101,14 +104,19 @@ fn common_ends(s: &Conditions, seen: &Witnesses) -> [Option<f64>; 2] {
     [end(1.0), end(-1.0)]
 }
 
-fn saturate(p: &[f64], s: &Conditions, seen: &Witnesses, changes: &mut [Contribution]) {
+fn saturate(
+    p: &[f64],
+    s: &Conditions,
+    seen: &Witnesses,
+    fidelity: Fidelity,
+    changes: &mut [Contribution],
+) {
     let change = &mut changes[0];
     let (low, high) = (p[1] - p[0], p[1] + p[0]);
     // The starts of a search are too far apart for what is known so well.
-    let ends = if s.averages.rough {
-        [None; 2]
-    } else {
-        common_ends(s, seen)
+    let ends = match fidelity {
+        Fidelity::Screening => [None; 2],
+        Fidelity::Full => common_ends(s, seen),
     };
     let output = |a: [f64; 3]| {
         let force = shared::model::SpecificForce::new(a[0], a[1], a[2]);
@@ -172,7 +180,8 @@ fn saturate(p: &[f64], s: &Conditions, seen: &Witnesses, changes: &mut [Contribu
                 w + (end - output(at(w))) / motion.amplitude_g[0]
             })
         };
-        let mean = s.averages.mean(run, motion, &[edge(low), edge(high)], lost);
+        let edges = [edge(low), edge(high)];
+        let mean = s.averages.mean(run, motion, &edges, fidelity, lost);
         change.add(Observable::During, row, mean.value);
         change.variance_g2[row] += mean.variance;
         if run.kind == VibrationKind::Sine {

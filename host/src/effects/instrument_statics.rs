@@ -1,5 +1,7 @@
 //! Terms of the instrument's characteristic that (1) lacks: functions of the present specific force.
 
+use inference::model::Fidelity;
+
 use super::identity::Stage;
 use super::{Action, Effect, linear};
 use crate::campaign::VibrationKind;
@@ -15,8 +17,8 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "the bias changes with the sign of the acceleration",
         parameters: &[linear("K0_prime_g", 2e-4)],
-        action: Action::Adds(|_, s, _, c| {
-            term(s, &mut c[0], true, |a| {
+        action: Action::Adds(|_, s, _, fidelity, c| {
+            term(s, fidelity, &mut c[0], true, |a| {
                 if a[0].abs() < DEAD_BAND_G {
                     0.0
                 } else {
@@ -31,7 +33,9 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a second-order term that keeps the sign, a|a|",
         parameters: &[linear("Koq_per_g", 3e-4)],
-        action: Action::Adds(|_, s, _, c| term(s, &mut c[0], true, |a| a[0] * a[0].abs())),
+        action: Action::Adds(|_, s, _, fidelity, c| {
+            term(s, fidelity, &mut c[0], true, |a| a[0] * a[0].abs())
+        }),
         report: None,
     },
     Effect {
@@ -39,7 +43,9 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a nonlinearity of the fifth order",
         parameters: &[linear("k5_per_g4", 1e-5)],
-        action: Action::Adds(|_, s, _, c| term(s, &mut c[0], false, |a| a[0].powi(5))),
+        action: Action::Adds(|_, s, _, fidelity, c| {
+            term(s, fidelity, &mut c[0], false, |a| a[0].powi(5))
+        }),
         report: None,
     },
     Effect {
@@ -47,7 +53,9 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "a nonlinearity of the sixth order",
         parameters: &[linear("k6_per_g5", 2e-6)],
-        action: Action::Adds(|_, s, _, c| term(s, &mut c[0], false, |a| a[0].powi(6))),
+        action: Action::Adds(|_, s, _, fidelity, c| {
+            term(s, fidelity, &mut c[0], false, |a| a[0].powi(6))
+        }),
         report: None,
     },
     Effect {
@@ -55,9 +63,9 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::InstrumentStatics,
         says: "the output answers to the square of acceleration across the input axis",
         parameters: &[linear("Kpp_per_g", 2e-4), linear("Koo_per_g", 2e-4)],
-        action: Action::Adds(|_, s, _, c| {
+        action: Action::Adds(|_, s, _, fidelity, c| {
             for (axis, change) in c.iter_mut().enumerate() {
-                term(s, change, false, |a| a[1 + axis] * a[1 + axis]);
+                term(s, fidelity, change, false, |a| a[1 + axis] * a[1 + axis]);
             }
         }),
         report: None,
@@ -69,6 +77,7 @@ pub(super) const EFFECTS: &[Effect] = &[
 /// `kinked` if it, or its slope, jumps where IA feels nothing.
 fn term(
     s: &Conditions,
+    fidelity: Fidelity,
     change: &mut Contribution,
     kinked: bool,
     function: impl Fn([f64; 3]) -> f64,
@@ -85,7 +94,7 @@ fn term(
         change.add(Observable::After, row, at_rest);
         let kinks = [motion.zero(a0[0])];
         let kinks = if kinked { &kinks[..] } else { &[] };
-        let mean = s.averages.mean(run, motion, kinks, &function);
+        let mean = s.averages.mean(run, motion, kinks, fidelity, &function);
         change.add(Observable::During, row, mean.value);
         change.variance_g2[row] += mean.variance;
         if run.kind == VibrationKind::Sine {

@@ -12,12 +12,13 @@ mod mounting;
 mod shaker;
 mod static_bench;
 
-use inference::model::{Component, Kind};
+use inference::model::{Component, Fidelity, Kind};
 use inference::prior::{Parameter, Prior};
 
-use crate::forward::conditions::{Conditions, ReadingConditions, RunConditions, Witnesses};
+use crate::forward::conditions::{Conditions, Witnesses};
 use crate::forward::contribution::{Contribution, Observable, add_each};
 use crate::forward::motion::Motion;
+use crate::forward::rows::{ReadingConditions, RunConditions};
 use identity::Stage;
 
 /// An effect of the catalogue. Parameters in proportion come first.
@@ -40,8 +41,8 @@ pub struct Effect {
 /// Names of reported parameters, and the function from fitted to reported values.
 pub type Renamed = (&'static [&'static str], fn(&[f64]) -> Vec<f64>);
 
-/// What an effect adds at the values of its parameters.
-pub type Add = fn(&[f64], &Conditions, &Witnesses, &mut [Contribution]);
+/// What an effect adds at the values of its parameters, so exactly.
+pub type Add = fn(&[f64], &Conditions, &Witnesses, Fidelity, &mut [Contribution]);
 
 /// How an effect transforms the motions of the runs.
 pub type Transform = fn(&[f64], &Conditions, &Witnesses, &mut [Motion]);

@@ -49,7 +49,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Shaker,
         says: "the table rocks, and the centripetal acceleration of that does not average out",
         parameters: &[linear("r_per_g_hz2", 0.1)],
-        action: Action::Adds(|_, s, _, changes| {
+        action: Action::Adds(|_, s, _, _, changes| {
             let change = &mut changes[0];
             let means = s.bands.means(|f| 1.0 / (f * f));
             for (row, (run, mean)) in s.runs.iter().zip(means).enumerate() {
@@ -80,7 +80,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::Shaker,
         says: "the shaker's magnetic field shifts the output in proportion to the drive",
         parameters: &[linear("c_g_per_g", 3e-5)],
-        action: Action::Adds(|_, s, _, changes| {
+        action: Action::Adds(|_, s, _, _, changes| {
             let change = &mut changes[0];
             for (row, run) in s.runs.iter().enumerate() {
                 change.add(Observable::During, row, run.mean_square_g2().sqrt());

@@ -16,7 +16,7 @@ pub(super) const EFFECTS: &[Effect] = &[
             linear("e2s_arcsec", 40.0),
             linear("e2c_arcsec", 40.0),
         ],
-        action: Action::Adds(|_, s, _, changes| {
+        action: Action::Adds(|_, s, _, _, changes| {
             on_dial(s, changes, |reading| {
                 let (sin, cos) = reading.dial_deg.to_radians().sin_cos();
                 [sin, cos, 2.0 * sin * cos, (cos - sin) * (cos + sin)]
@@ -30,7 +30,7 @@ pub(super) const EFFECTS: &[Effect] = &[
         stage: Stage::StaticBench,
         says: "the base of the dividing head is out of level",
         parameters: &[linear("zero_arcsec", 60.0), linear("axis_arcsec", 60.0)],
-        action: Action::Adds(|_, s, _, changes| {
+        action: Action::Adds(|_, s, _, _, changes| {
             on_dial(s, changes, |reading| {
                 [reading.tangent, reading.series.lift::<f64>().i].map(|moved| ARCSEC_RAD * moved)
             });

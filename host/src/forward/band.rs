@@ -1,6 +1,6 @@
 //! Frequency responses over the bands of the runs.
 
-use super::conditions::RunConditions;
+use super::rows::RunConditions;
 use super::time_mean::TimeMean;
 use crate::campaign::VibrationKind;
 

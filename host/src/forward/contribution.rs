@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use inference::observations::Column;
 
-use super::conditions::{ReadingConditions, RunConditions};
+use super::rows::{ReadingConditions, RunConditions};
 
 /// One kind of observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

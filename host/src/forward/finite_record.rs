@@ -13,7 +13,7 @@
 
 use shared::model::Coefficients;
 
-use super::conditions::RunConditions;
+use super::rows::RunConditions;
 use crate::campaign::VibrationKind;
 
 /// Orders of Hermite polynomials that the kink is followed to.

@@ -12,4 +12,5 @@ pub mod finite_record;
 pub mod motion;
 pub mod nominal;
 mod quadrature;
+pub mod rows;
 pub mod time_mean;

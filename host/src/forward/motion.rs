@@ -4,7 +4,7 @@ use shared::model::{NOMINAL, SpecificForce};
 use shared::rectification::Sensitivity;
 use shared::vibration::{Harmonic, Moments};
 
-use super::conditions::RunConditions;
+use super::rows::RunConditions;
 use crate::campaign::{ReferenceMoments, VibrationKind};
 
 /// Motion of the instrument in one run, along one line in the three axes.

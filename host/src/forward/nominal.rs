@@ -3,9 +3,10 @@
 use inference::observations::Column;
 use shared::model::{Coefficients, NOMINAL, SpecificForce, terms};
 
-use super::conditions::{Conditions, RunConditions};
+use super::conditions::Conditions;
 use super::contribution::{Layout, Observable};
 use super::motion::Motion;
+use super::rows::RunConditions;
 use crate::campaign::VibrationKind;
 
 /// The coefficients behind the linear unknowns of (1), with a scale factor of 1.

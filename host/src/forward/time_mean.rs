@@ -3,12 +3,13 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::LazyLock;
 
-use inference::linear::inner_product;
+use inference::dense::inner_product;
+use inference::model::Fidelity;
 
-use super::conditions::RunConditions;
 use super::finite_record::{ORDERS, correlation_integrals};
 use super::motion::Motion;
 use super::quadrature::{evenly, gauss_legendre, pieces};
+use super::rows::RunConditions;
 use crate::campaign::VibrationKind;
 
 /// Nodes on each smooth piece of half a period, and of the normal density between -REACH and REACH standard deviations;
@@ -28,12 +29,10 @@ const SEEN: usize = 4;
 pub struct Averages {
     /// Nodes and weights of Gauss and Legendre's rule between -1 and 1, for half a period of a sine and for the normal
     /// density.
-    sine: Vec<[f64; 2]>,
-    normal: Vec<[f64; 2]>,
+    sine: [Vec<[f64; 2]>; 2],
+    normal: [Vec<[f64; 2]>; 2],
     /// Of each random band the integrals of its autocorrelation's powers.
     integrals: Vec<([f64; 2], [f64; ORDERS + 1])>,
-    /// Whether means are rough ones, without their variance: grids are gone over for a start.
-    pub rough: bool,
 }
 
 /// The time mean of a function of the specific force over one run.
@@ -63,33 +62,28 @@ impl Averages {
             }
         }
         Self {
-            sine: gauss_legendre(SINE_NODES[0]),
-            normal: gauss_legendre(NORMAL_NODES[0]),
+            sine: SINE_NODES.map(gauss_legendre),
+            normal: NORMAL_NODES.map(gauss_legendre),
             integrals,
-            rough: false,
-        }
-    }
-
-    /// Tables for rough means.
-    pub fn rough() -> Self {
-        Self {
-            sine: gauss_legendre(SINE_NODES[1]),
-            normal: gauss_legendre(NORMAL_NODES[1]),
-            integrals: Vec::new(),
-            rough: true,
         }
     }
 
     /// The time mean of `function` over a run with this motion. Between its `kinks`, multiples of the motion's
     /// amplitude where it or its slope jumps, the function is smooth; one without any is a polynomial of the sixth degree at
-    /// most.
+    /// most. For a first look the nodes are fewer, and there is no variance.
     pub fn mean(
         &self,
         run: &RunConditions,
         motion: &Motion,
         kinks: &[f64],
+        fidelity: Fidelity,
         function: impl Fn([f64; 3]) -> f64,
     ) -> TimeMean {
+        let screening = fidelity == Fidelity::Screening;
+        let (sine, normal) = (
+            &self.sine[usize::from(screening)],
+            &self.normal[usize::from(screening)],
+        );
         let a0 = run.specific_force_g;
         let [i, p, o] = motion.amplitude_g;
         let at = |w: f64| function([a0.i + i * w, a0.p + p * w, a0.o + o * w]);
@@ -101,7 +95,7 @@ impl Averages {
                 evenly(FRAC_PI_2, EVEN_SINE_NODES, add);
             } else {
                 let kinks = kinks.iter().flat_map(|kink| motion.phases(*kink));
-                pieces(FRAC_PI_2, kinks, &self.sine, add);
+                pieces(FRAC_PI_2, kinks, sine, add);
             }
             return TimeMean {
                 value: sum / PI,
@@ -109,7 +103,7 @@ impl Averages {
             };
         }
         // Nodes, and there the weighted function and the orthonormal Hermite polynomials of two orders.
-        let most = self.normal.len() * (kinks.len() + 1);
+        let most = normal.len() * (kinks.len() + 1);
         let [mut nodes, mut weighted] = [(); 2].map(|()| Vec::with_capacity(most));
         let mut square = 0.0;
         let add = |x: f64, width: f64| {
@@ -124,13 +118,13 @@ impl Averages {
         if kinks.is_empty() {
             evenly(REACH, EVEN_NORMAL_NODES, add);
         } else {
-            pieces(REACH, kinks.iter().copied(), &self.normal, add);
+            pieces(REACH, kinks.iter().copied(), normal, add);
         }
         let mut before = vec![1.0; nodes.len()];
         let mut last = nodes.clone();
         // The function's coefficients.
         let mut c = [0.0; ORDERS + 1];
-        let orders = if self.rough { SEEN } else { ORDERS };
+        let orders = if screening { SEEN } else { ORDERS };
         c[0] = weighted.iter().sum();
         c[1] = inner_product(&weighted, &last);
         for (c, [of_last, of_before]) in c.iter_mut().zip(&*RECURRENCE).take(orders + 1).skip(2) {
@@ -145,6 +139,7 @@ impl Averages {
         let value = c[0] + c[3] * skew / 6f64.sqrt() + c[4] * (kurt - 3.0) / 24f64.sqrt();
         let seen = if run.shape_seen { SEEN } else { 2 };
         let integrals = self.integrals.iter().find(|(band, _)| *band == run.band_hz);
+        let integrals = integrals.filter(|_| !screening);
         let mut variance = 0.0;
         if let Some((_, integrals)) = integrals {
             let mut left = square - c[..=seen].iter().map(|c| c * c).sum::<f64>();
