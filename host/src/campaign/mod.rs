@@ -27,8 +27,8 @@ pub use shared::tumble::Series;
 pub use static_table::{Approach, Reading, read_plan};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
 pub use vibration_table::{
-    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, DETECTOR_REL_ERROR, Drift, Extremes, Measured,
-    ReferenceMoments, Run, VibrationKind, read_runs, write_runs,
+    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Drift, Extremes, Measured, ReferenceMoments, Run,
+    VibrationKind, read_runs, write_runs,
 };
 
 use crate::error::{Error, Place, Problem, decimal};

@@ -11,7 +11,7 @@ use super::assumptions::{Assumptions, Noise};
 use super::reference::Reference;
 use crate::campaign::{Campaign, Run};
 use crate::forward::contribution::Observable;
-use crate::median::MEDIAN_TO_SIGMA;
+use crate::median::{SPREAD_OF_SCALE, scale};
 
 /// Distance in standard deviations from which on a row does not belong: by chance one of 1e9.
 const GROSS: f64 = 6.0;
@@ -22,14 +22,16 @@ const PLATEAUS: [Observable; 3] = [Observable::Before, Observable::During, Obser
 /// Most rows of a table that are set aside, as a share and at least.
 const MOST_SHARE: f64 = 0.05;
 const MOST: usize = 3;
-/// Robust standard deviation of the logarithm of a scale by the median of n moduli, times sqrt n.
-const SPREAD_OF_MEDIAN: f64 = 1.16;
-/// Its standard deviations at which a factor on the noise is called one.
-const CLEAR: f64 = 4.0;
+/// Standard deviations of its logarithm at which a factor on the noise is taken up. At less the misfit that it leaves, some
+/// 3 standard deviations of chi-square, is no misfit to the search either.
+const CLEAR: f64 = 2.5;
 /// Factor up to which numbers were computed, not measured: no noise is stated so much too large.
 const COMPUTED: f64 = 0.05;
 /// Fewest rows that tell a factor.
 const FEWEST: usize = 8;
+
+/// Most rounds of fit and judgement of a static test.
+const ROUNDS: usize = 4;
 
 /// A row that does not belong.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +67,47 @@ pub fn beforehand(campaign: &Campaign) -> Option<Assumptions> {
     Some(if better { reference } else { command })
 }
 
+/// A static test by itself, under assumptions that agree with what it shows.
+pub struct StaticTest {
+    /// Its model, without runs.
+    pub model: CampaignModel,
+    /// The nominal model's fit.
+    pub fit: Fit,
+    /// What belongs, and how large the noise is.
+    pub assumptions: Assumptions,
+    /// The factor on the stated noise of readings, and its relative standard uncertainty, where there are enough of them.
+    pub scatter: Option<(f64, f64)>,
+}
+
+/// Judges the static test of a campaign. `None` if it determines nothing.
+pub fn static_test(campaign: &Campaign) -> Option<StaticTest> {
+    let alone = Campaign {
+        runs: Vec::new(),
+        ..campaign.clone()
+    };
+    let mut assumed = Assumptions::default();
+    for _ in 0..ROUNDS {
+        let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
+        let fit = fit_base(&model)?;
+        // Smooth functions of the angle take what an effect leaves: it must not pass for rows or noise.
+        let judged = judge(&alone, &model, &fit, true, &assumed);
+        if judged.agree(&assumed) {
+            break;
+        }
+        assumed = judged;
+    }
+    let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
+    let fit = fit_base(&model)?;
+    let smooth: Vec<Column> = model.smooth_families().into_iter().flatten().collect();
+    let distances = distances(&model, &fit, &smooth);
+    Some(StaticTest {
+        scatter: scatter(&model, &distances, Noise::Readings, &assumed),
+        model,
+        fit,
+        assumptions: assumed,
+    })
+}
+
 /// What a fit says of the assumptions that it was made under: noise and rows judged by it. `flexible` lets smooth functions
 /// of the conditions take what the fit leaves.
 pub fn judge(
@@ -91,11 +134,8 @@ pub fn judge(
     loop {
         let distances = distances(model, fit, &further);
         for noise in Noise::ALL {
-            let seen = rows(model, noise)
-                .into_iter()
-                .map(|row| distances[row].abs());
-            let seen: Vec<f64> = seen.filter(|z| *z > 0.0).collect();
-            judged.noise_factor[noise as usize] = factor(seen, under.factor(noise));
+            let found = scatter(model, &distances, noise, under);
+            judged.noise_factor[noise as usize] = found.map_or(1.0, clear_factor);
         }
         let Some((reading, place)) = farthest(campaign, model, &distances, under, &judged) else {
             return judged;
@@ -177,16 +217,29 @@ fn rows(model: &CampaignModel, noise: Noise) -> Vec<usize> {
     all.collect()
 }
 
-/// The factor on the stated noise by moduli of distances under the factor `under`; 1 where it is not clearly another.
-fn factor(mut moduli: Vec<f64>, under: f64) -> f64 {
+/// The factor on a kind of stated noise by the scale of distances, and its relative standard uncertainty; `None` of too few
+/// rows.
+fn scatter(
+    model: &CampaignModel,
+    distances: &[f64],
+    noise: Noise,
+    under: &Assumptions,
+) -> Option<(f64, f64)> {
+    let seen = rows(model, noise)
+        .into_iter()
+        .map(|row| distances[row].abs());
+    let moduli: Vec<f64> = seen.filter(|z| *z > 0.0).collect();
     let n = moduli.len();
     if n < FEWEST {
-        return 1.0;
+        return None;
     }
-    moduli.sort_by(f64::total_cmp);
-    let found = under * MEDIAN_TO_SIGMA * moduli[n / 2];
-    let clear = CLEAR * SPREAD_OF_MEDIAN / (n as f64).sqrt();
-    let told = found > COMPUTED && found.ln().abs() > clear;
+    let found = under.factor(noise) * scale(&moduli)?;
+    Some((found, SPREAD_OF_SCALE / (n as f64).sqrt()))
+}
+
+/// A factor that was found; 1 where it is not clearly another.
+fn clear_factor((found, relative): (f64, f64)) -> f64 {
+    let told = found > COMPUTED && found.ln().abs() > CLEAR * relative;
     if told { found } else { 1.0 }
 }
 

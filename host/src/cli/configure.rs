@@ -14,7 +14,7 @@ use shared::wire::message::StoreFault;
 use super::{Command, Console, positive};
 use crate::campaign::Campaign;
 use crate::configuration::configuration;
-use crate::diagnose::{Diagnosis, Verdict};
+use crate::diagnose::{Diagnosis, Verdict, static_test};
 use crate::error::Error;
 use crate::front_end::FrontEnd;
 use crate::link::{Kept, Link};
@@ -87,7 +87,10 @@ impl Configure {
         let campaign = Campaign::read(campaign)?.used();
         let known = match &self.diagnosis {
             Some(file) => diagnosed(file, &campaign)?,
-            None => identify(&campaign, Method::LeastSquares, None)?.calibration(),
+            None => {
+                let belonging = static_test(&campaign).belonging;
+                identify(&belonging, Method::LeastSquares, None)?.calibration()
+            },
         };
         let acquisition = &campaign.config.acquisition;
         let (front_end, stated) = match self.divider {

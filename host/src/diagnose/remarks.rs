@@ -4,9 +4,9 @@ use inference::fit::Fit;
 use shared::model::NOMINAL;
 
 use super::answer::{Estimate, NoiseFactor, SessionEstimate, SuspectRow};
-use super::settle::Settled;
 use crate::campaign::{Campaign, Run};
 use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::Noise;
 use crate::campaign_model::judge::Suspect;
 use crate::campaign_model::nuisances::Kind;
 use crate::contradictions::{Contradiction, slip, slip_of_run};
@@ -22,27 +22,29 @@ const SLIP_SIGMA_G: f64 = 3e-4;
 /// The same of a vibration error.
 const SLIP_OF_RUN_SIGMA_G: f64 = 2e-5;
 
-/// The rows that are set aside, with what would make sense of each.
-pub(super) fn suspects(
+/// Rows that are set aside, with what would make sense of each by a fit.
+pub(super) fn suspect_rows(
     campaign: &Campaign,
-    settled: &Settled,
+    suspects: &[Suspect],
+    model: &CampaignModel,
     fit: &Fit,
     contradictions: &[Contradiction],
 ) -> Vec<SuspectRow> {
     let believed = coefficients(&fit.base_values);
-    let k1_v_per_g = settled.model.scale_v_per_g() * fit.base_values[0];
+    let k1_v_per_g = model.scale_v_per_g() * fit.base_values[0];
     let output_v = |force| k1_v_per_g * believed.output_g(force);
     let shift_v = |run: &Run| {
         let conditions = RunConditions::from(run);
         let motion = Motion::commanded(&conditions, run.reference.as_ref());
-        k1_v_per_g * nominal::value(&believed, &motion.sensitivity(&conditions))
+        k1_v_per_g * nominal::value(&believed, &motion.sensitivity(&conditions).nominal)
     };
     let row = |suspect: &Suspect| {
         let place = suspect.place;
-        let (file, what, number, slip) = if suspect.reading {
+        let (file, line, what, number, slip) = if suspect.reading {
             let slip = slip(campaign, place, &output_v, SLIP_SIGMA_G * k1_v_per_g.abs());
             (
                 "static.csv",
+                campaign.readings[place].line,
                 "reading",
                 campaign.readings[place].order,
                 slip,
@@ -55,12 +57,12 @@ pub(super) fn suspects(
             let slip = likely
                 .map(|contradiction| contradiction.likely.clone())
                 .or_else(|| slip_of_run(campaign, place, &shift_v, sigma_v));
-            ("vibration.csv", "run", campaign.runs[place].run, slip)
+            let run = &campaign.runs[place];
+            ("vibration.csv", run.line, "run", run.run, slip)
         };
         SuspectRow {
             file: file.into(),
-            // The header is line 1.
-            row: place as u64 + 2,
+            row: line,
             what: what.into(),
             number,
             sigma_off: suspect.distance,
@@ -68,23 +70,19 @@ pub(super) fn suspects(
             set_aside: true,
         }
     };
-    settled.suspects.iter().map(row).collect()
+    suspects.iter().map(row).collect()
 }
 
-/// How far the stated noise holds.
-pub(super) fn noise(settled: &Settled) -> Vec<NoiseFactor> {
-    let factors = settled
-        .noise
-        .iter()
-        .map(|&(noise, factor, relative)| NoiseFactor {
-            of: noise.name().into(),
-            factor: Estimate {
-                value: factor,
-                sigma: factor * relative,
-            },
-            stated_holds: factor.ln().abs() < CLEAR * relative,
-        });
-    factors.collect()
+/// How far a stated noise holds, by the factor on it and that factor's relative standard uncertainty.
+pub(super) fn noise(&(noise, factor, relative): &(Noise, f64, f64)) -> NoiseFactor {
+    NoiseFactor {
+        of: noise.name().into(),
+        factor: Estimate {
+            value: factor,
+            sigma: factor * relative,
+        },
+        stated_holds: factor.ln().abs() < CLEAR * relative,
+    }
 }
 
 /// What each session after the first has of its own, by a fit.

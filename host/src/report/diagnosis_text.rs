@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::diagnose::answer::{Estimate, Shrink, Which};
+use crate::diagnose::answer::{Estimate, NoiseFactor, Shrink, SuspectRow, Which};
 use crate::diagnose::{Diagnosis, Verdict, WHY_NOT_CARRIED};
 use crate::effects;
 use crate::quantity::Quantity;
@@ -45,18 +45,20 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     out
 }
 
-/// What the user must look at before all else.
-fn to_do(out: &mut String, diagnosis: &Diagnosis) {
-    for suspect in &diagnosis.suspects {
+/// Rows that do not belong and noise that is not as stated, a line each.
+pub fn belonging(suspects: &[SuspectRow], noise: &[NoiseFactor]) -> String {
+    let mut out = String::new();
+    for suspect in suspects {
         let would = suspect.would_explain.as_ref();
         let would = would.map_or(String::new(), |slip| format!("; {slip} would explain it"));
+        let aside = if suspect.set_aside { "; set aside" } else { "" };
         let _ = writeln!(
             out,
-            "row {} of {} ({} {}) does not belong: {:.1} sigma{would}; set aside",
+            "row {} of {} ({} {}) does not belong: {:.1} sigma{would}{aside}",
             suspect.row, suspect.file, suspect.what, suspect.number, suspect.sigma_off
         );
     }
-    for noise in diagnosis.noise.iter().filter(|noise| !noise.stated_holds) {
+    for noise in noise.iter().filter(|noise| !noise.stated_holds) {
         let factor = noise.factor.value;
         let (word, times) = match factor > 1.0 {
             true => ("small", factor),
@@ -68,6 +70,12 @@ fn to_do(out: &mut String, diagnosis: &Diagnosis) {
             noise.of
         );
     }
+    out
+}
+
+/// What the user must look at before all else.
+fn to_do(out: &mut String, diagnosis: &Diagnosis) {
+    out.push_str(&belonging(&diagnosis.suspects, &diagnosis.noise));
     for session in &diagnosis.sessions {
         let told = |name: &str, estimate: Option<Estimate>, nothing: f64, scale: f64| {
             let estimate = estimate?;
