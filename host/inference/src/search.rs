@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::adequacy::{Adequacy, adequacy};
+use crate::adequacy::{Adequacy, adequacy, log_something_else};
 use crate::dense::Cholesky;
 use crate::fit::{Fit, fit, fit_base, tangent, thresholds_anew};
 use crate::model::{Fidelity, Kind, Member, Prediction, SeparableModel};
@@ -65,7 +65,7 @@ impl Default for SearchPolicy {
             another_looked_for: 7.0,
             something_else_wins: 3.0,
             unexplained_rest: 0.1,
-            tolerated_share: 0.05,
+            tolerated_share: 0.025,
             stand_in: 0.5,
             most_members: 3,
             bases: 3,
@@ -532,6 +532,23 @@ impl Seek<'_> {
         prior + fit.log_evidence
     }
 
+    /// Logarithm of the odds that something else acts in the place of one component or of all: smooth shapes on top of the best
+    /// hypothesis of each lesser number of components, against the best of all.
+    fn something_else_instead(&self, hypotheses: &[Hypothesis], families: &[Vec<Column>]) -> f64 {
+        let best = &hypotheses[0];
+        let lesser = (0..best.fit.members.len()).filter_map(|count| {
+            hypotheses
+                .iter()
+                .find(|hypothesis| hypothesis.fit.members.len() == count)
+        });
+        let odds = lesser.map(|hypothesis| {
+            hypothesis.log_posterior_weight - best.log_posterior_weight
+                + self.policy.prior_something_else.ln()
+                + log_something_else(self.model, &hypothesis.fit, families)
+        });
+        odds.fold(f64::NEG_INFINITY, f64::max)
+    }
+
     fn conclude(
         &self,
         null: Fit,
@@ -562,12 +579,10 @@ impl Seek<'_> {
         let best = hypotheses[0].log_posterior_weight;
         let prior_something_else = policy.prior_something_else.ln();
         let something_else = prior_something_else + adequacy.log_something_else / temper;
-        let nothing_known =
-            prior_something_else + null.log_evidence + null_adequacy.log_something_else - best;
-        let unexplained = large
-            && (adequacy.p_value < policy.misfit
-                || something_else > policy.something_else_wins
-                || nothing_known > 0.0);
+        let instead = self.something_else_instead(&hypotheses, families) / temper;
+        let unexplained = (large
+            && (adequacy.p_value < policy.misfit || something_else > policy.something_else_wins))
+            || instead > 0.0;
         let mut total = 0.0;
         for hypothesis in &mut hypotheses {
             hypothesis.probability = ((hypothesis.log_posterior_weight - best) / temper).exp();
@@ -575,11 +590,10 @@ impl Seek<'_> {
         }
         let known = if unexplained {
             policy.unexplained_rest
-        } else if large {
-            total / (total + something_else.exp() + nothing_known.exp())
         } else {
-            // A small misfit is the formulas': it makes nothing else probable.
-            1.0
+            // A small misfit is the formulas': it makes nothing else besides probable.
+            let besides = if large { something_else.exp() } else { 0.0 };
+            total / (total + besides + instead.exp())
         };
         for hypothesis in &mut hypotheses {
             hypothesis.probability *= known / total;

@@ -98,7 +98,7 @@ pub fn static_test(campaign: &Campaign) -> Option<StaticTest> {
     }
     let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
     let fit = fit_base(&model)?;
-    let smooth: Vec<Column> = model.smooth_families().into_iter().flatten().collect();
+    let smooth = model.flexible();
     let distances = distances(&model, &fit, &smooth);
     Some(StaticTest {
         scatter: scatter(&model, &distances, Noise::Readings, &assumed),
@@ -119,7 +119,7 @@ pub fn judge(
 ) -> Assumptions {
     let mut further: Vec<Column> = Vec::new();
     if flexible {
-        further.extend(model.smooth_families().into_iter().flatten());
+        further.extend(model.flexible());
     }
     let mut judged = Assumptions {
         table_scatters: under.table_scatters,
