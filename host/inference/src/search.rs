@@ -34,6 +34,8 @@ pub struct SearchPolicy {
     pub tolerated_share: f64,
     /// Likeness of two components of a set of three or more beyond which they stand in together for something else.
     pub stand_in: f64,
+    /// Standard deviations from nothing that a component's parameters have at least.
+    pub acts: f64,
     /// Most components at once.
     pub most_members: usize,
     /// Best hypotheses that another component is added to.
@@ -59,7 +61,7 @@ impl Default for SearchPolicy {
         Self {
             prior_nothing: 0.5,
             prior_another: 0.1,
-            prior_something_else: 0.02,
+            prior_something_else: 0.1,
             worth: 3.0,
             misfit: 1e-4,
             another_looked_for: 7.0,
@@ -67,6 +69,7 @@ impl Default for SearchPolicy {
             unexplained_rest: 0.1,
             tolerated_share: 0.025,
             stand_in: 0.5,
+            acts: 3.0,
             most_members: 3,
             bases: 3,
             closer_look: 10,
@@ -532,6 +535,25 @@ impl Seek<'_> {
         prior + fit.log_evidence
     }
 
+    /// Whether each component of a fit does something: of its parameters that nothing has at zero one is clearly another.
+    fn all_act(&self, fit: &Fit) -> bool {
+        fit.members.iter().enumerate().all(|(m, member)| {
+            let component = &self.model.components()[member.component];
+            let from_nothing = match component.begins_at_nothing() {
+                true => member.values.len(),
+                false => component.linear(),
+            };
+            let distance = |k: usize| {
+                let unknown = fit.unknown(m, k)?;
+                let prior = component.parameters[k].prior;
+                let sigma = fit.covariance(unknown, unknown).max(0.0).sqrt();
+                Some((prior.inner(member.values[k]) / sigma).abs())
+            };
+            let mut distances = (0..from_nothing).filter_map(distance).peekable();
+            distances.peek().is_none() || distances.any(|far| far > self.policy.acts)
+        })
+    }
+
     /// Logarithm of the odds that something else acts in the place of one component or of all: smooth shapes on top of the best
     /// hypothesis of each lesser number of components, against the best of all.
     fn something_else_instead(&self, hypotheses: &[Hypothesis], families: &[Vec<Column>]) -> f64 {
@@ -559,6 +581,7 @@ impl Seek<'_> {
         let policy = self.policy;
         let mut hypotheses: Vec<Hypothesis> = fits
             .into_iter()
+            .filter(|fit| self.all_act(fit))
             .map(|fit| Hypothesis {
                 log_posterior_weight: self.log_posterior_weight(&fit),
                 fit,

@@ -19,9 +19,10 @@ const GROSS: f64 = 6.0;
 const STILL_GROSS: f64 = 5.0;
 /// Plateaus of a run.
 const PLATEAUS: [Observable; 3] = [Observable::Before, Observable::During, Observable::After];
-/// Most rows of a table that are set aside, as a share and at least.
+/// Most rows of a table that are set aside, as a share; one at least.
 const MOST_SHARE: f64 = 0.05;
-const MOST: usize = 3;
+/// Factor beyond which it is not the noise that a table states too small.
+const MOST_FACTOR: f64 = 5.0;
 /// Standard deviations of its logarithm at which a factor on the noise is taken up. At less the misfit that it leaves, some
 /// 3 standard deviations of chi-square, is no misfit to the search either.
 const CLEAR: f64 = 2.5;
@@ -174,9 +175,8 @@ fn farthest(
                 (false, place),
             )
         });
-    let full = |set_aside: usize, count: usize| {
-        set_aside >= ((MOST_SHARE * count as f64) as usize).max(MOST)
-    };
+    let full =
+        |set_aside: usize, count: usize| set_aside as f64 >= (MOST_SHARE * count as f64).ceil();
     let (distance, row) = readings.chain(runs).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let full = match row.0 {
         true => full(judged.excluded_readings.len(), campaign.readings.len()),
@@ -239,7 +239,7 @@ fn scatter(
 
 /// A factor that was found; 1 where it is not clearly another.
 fn clear_factor((found, relative): (f64, f64)) -> f64 {
-    let told = found > COMPUTED && found.ln().abs() > CLEAR * relative;
+    let told = (COMPUTED..MOST_FACTOR).contains(&found) && found.ln().abs() > CLEAR * relative;
     if told { found } else { 1.0 }
 }
 
