@@ -6,7 +6,7 @@ pub mod nuisances;
 pub mod observables;
 mod prediction;
 pub mod reference;
-mod response;
+pub mod response;
 mod smooth;
 
 use inference::model::{Base, Component, Fidelity, Member, Prediction, SeparableModel};

@@ -37,7 +37,7 @@ pub struct Reference {
     /// Relative scatter of the table's level about its command.
     pub table_scatter: f64,
     /// What its axes read of a motion.
-    response: Response,
+    pub response: Response,
     /// Relative standard uncertainty of each axis's gain, and of the table's level for a given command.
     pub gain_sigma: f64,
     /// Standard uncertainty of the sensitivity of an axis to motion along another one.
@@ -79,14 +79,14 @@ impl Reference {
         let seen = ratios.iter().map(|(run, ratios)| noisy.seen(run, *ratios));
         let seen: Vec<Seen> = seen.collect();
         let response = Response::of(&seen, table_scatter);
-        let cross = response.crosses(&seen, TELLING);
+        let cross = response.crosses();
         let root_mean_square = |values: &[f64]| {
             (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
         };
         Some(Self {
-            gain_sigma: shaker.reference_gain_rel_sigma.unwrap_or_else(|| {
-                (FEW * root_mean_square(&response.gains(&seen, TELLING))).min(MOST_GAIN)
-            }),
+            gain_sigma: shaker
+                .reference_gain_rel_sigma
+                .unwrap_or_else(|| (FEW * root_mean_square(&response.gains())).min(MOST_GAIN)),
             response,
             cross_sigma: root_mean_square(&cross).min(
                 shaker

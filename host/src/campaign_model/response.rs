@@ -22,9 +22,13 @@ pub(super) struct Seen {
     pub(super) sigma: [f64; 3],
 }
 
-/// Element a, b: what axis a reads of a unit motion along b, less that motion on its own axis.
+/// What the axes read of a motion, less that motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Response([[f64; 3]; 3]);
+pub struct Response {
+    /// Element a, b: what axis a reads of a unit motion along b.
+    values: [[f64; 3]; 3],
+    sigmas: [[f64; 3]; 3],
+}
 
 impl Response {
     /// Of all runs, whose level scatters about the command by `table_scatter`, relative.
@@ -66,10 +70,16 @@ impl Response {
                 }
             }
         }
-        Cholesky::new(matrix, UNKNOWNS)?.solve(&mut right);
-        Some(Self(std::array::from_fn(|a| {
-            std::array::from_fn(|b| right[3 * a + b])
-        })))
+        let factor = Cholesky::new(matrix, UNKNOWNS)?;
+        factor.solve(&mut right);
+        let covariance = factor.inverse();
+        let all = |of: &dyn Fn(usize) -> f64| {
+            std::array::from_fn(|a| std::array::from_fn(|b| of(3 * a + b)))
+        };
+        Some(Self {
+            values: all(&|k| right[k]),
+            sigmas: all(&|k| covariance[k * UNKNOWNS + k].max(0.0).sqrt()),
+        })
     }
 
     /// The table's error of level in a run, relative, and the squared distance that it leaves of all axes.
@@ -92,7 +102,7 @@ impl Response {
 
     /// What the reference adds to the motion of a run, over the level.
     fn added(&self, run: &Seen) -> [f64; 3] {
-        self.0.map(|row| {
+        self.values.map(|row| {
             let read = row.iter().zip(&run.direction).map(|(r, d)| r * d);
             read.sum()
         })
@@ -104,22 +114,24 @@ impl Response {
         (told.sum::<f64>() + table_scatter.powi(-2)).recip()
     }
 
+    /// What axis a reads of a unit motion along b, less that motion, with its standard uncertainty; `None` where no run tells
+    /// it.
+    pub fn element(&self, a: usize, b: usize) -> Option<(f64, f64)> {
+        let sigma = self.sigmas[a][b];
+        (sigma > 0.0 && sigma < 0.5 * PRIOR_SIGMA).then_some((self.values[a][b], sigma))
+    }
+
     /// Gains less 1 of the axes that move in some run.
-    pub(super) fn gains(&self, seen: &[Seen], least: f64) -> Vec<f64> {
-        let moves = |axis: &usize| seen.iter().any(|run| run.direction[*axis].abs() > least);
-        (0..3)
-            .filter(moves)
-            .map(|axis| self.0[axis][axis])
-            .collect()
+    pub(super) fn gains(&self) -> Vec<f64> {
+        let gains = (0..3).filter_map(|axis| self.element(axis, axis));
+        gains.map(|(gain, _)| gain).collect()
     }
 
     /// Sensitivities of axes to motion along others that move in some run.
-    pub(super) fn crosses(&self, seen: &[Seen], least: f64) -> Vec<f64> {
-        let moves = |axis: &usize| seen.iter().any(|run| run.direction[*axis].abs() > least);
-        let along = (0..3).filter(moves);
-        along
-            .flat_map(|b| (0..3).filter(move |&a| a != b).map(move |a| self.0[a][b]))
-            .collect()
+    pub(super) fn crosses(&self) -> Vec<f64> {
+        let pairs = (0..9).map(|k| (k / 3, k % 3)).filter(|(a, b)| a != b);
+        let crosses = pairs.filter_map(|(a, b)| self.element(a, b));
+        crosses.map(|(cross, _)| cross).collect()
     }
 }
 
@@ -163,7 +175,7 @@ mod tests {
             let direction = directions[n % directions.len()];
             let error = TABLE * normal();
             let ratios = std::array::from_fn(|a| {
-                let read: f64 = (0..3).map(|b| truth.0[a][b] * direction[b]).sum();
+                let read: f64 = (0..3).map(|b| truth.values[a][b] * direction[b]).sum();
                 let scatter = OWN * direction[a].abs() + 1e-5;
                 (direction[a] + read) * (1.0 + error) + scatter * normal()
             });

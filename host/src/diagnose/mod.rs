@@ -108,6 +108,7 @@ fn answer(
         contradictions,
         noise: settled.noise.iter().map(remarks::noise).collect(),
         sessions: remarks::sessions(model, shown),
+        shaker: remarks::shaker(model, shown),
         not_looked_at: location::not_looked_at(campaign),
     }
 }

@@ -3,7 +3,9 @@
 use inference::fit::Fit;
 use shared::model::NOMINAL;
 
-use super::answer::{Estimate, NoiseFactor, SessionEstimate, SuspectRow};
+use super::answer::{
+    AxisEstimate, Estimate, NoiseFactor, SessionEstimate, ShakerEstimate, SuspectRow,
+};
 use crate::campaign::{Campaign, Run};
 use crate::campaign_model::CampaignModel;
 use crate::campaign_model::assumptions::Noise;
@@ -125,4 +127,47 @@ pub(super) fn sessions(model: &CampaignModel, fit: &Fit) -> Vec<SessionEstimate>
         }
     }
     sessions
+}
+
+/// What shaker, reference and peak detector have of their own, by a fit; `None` without runs.
+pub(super) fn shaker(model: &CampaignModel, fit: &Fit) -> Option<ShakerEstimate> {
+    let of = |kind: Kind| {
+        let place = model.nuisances().iter().position(|n| n.kind == kind)?;
+        let unknown = NOMINAL + place;
+        Some(Estimate {
+            value: 1.0 + fit.base_values[unknown] / fit.base_values[0],
+            sigma: fit.covariance(unknown, unknown).max(0.0).sqrt() / fit.base_values[0],
+        })
+    };
+    if model.conditions().runs.is_empty() {
+        return None;
+    }
+    let reference = model.reference();
+    const AXES: [&str; 3] = ["i", "p", "o"];
+    let elements = |own: bool| -> Vec<AxisEstimate> {
+        let Some(reference) = reference else {
+            return Vec::new();
+        };
+        let pairs = (0..9).map(|k| (k / 3, k % 3));
+        let pairs = pairs.filter(|(a, b)| (a == b) == own);
+        let element = |(a, b): (usize, usize)| {
+            let (value, sigma) = reference.response.element(a, b)?;
+            Some(AxisEstimate {
+                axis: AXES[a].into(),
+                along: AXES[b].into(),
+                value: if own { 1.0 + value } else { value },
+                sigma,
+            })
+        };
+        pairs.filter_map(element).collect()
+    };
+    Some(ShakerEstimate {
+        reference_noise_g: reference.map(|r| r.noise_g),
+        reference_scatter: reference.map(|r| r.scatter),
+        table_scatter: reference.map(|r| r.table_scatter),
+        reference_gain: elements(true),
+        reference_cross_sensitivity: elements(false),
+        table_level: of(Kind::TableLevel),
+        peak_gain: of(Kind::DetectorGain),
+    })
 }

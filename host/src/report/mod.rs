@@ -5,6 +5,7 @@
 mod diagnosis;
 mod diagnosis_text;
 mod figures;
+mod laboratory_text;
 mod outlook;
 mod page;
 mod plot;
@@ -25,7 +26,8 @@ use crate::prediction::{Prediction, predict};
 use crate::statics::{Identification, Method, fit, identify};
 
 pub use diagnosis::page as diagnosis_page;
-pub use diagnosis_text::{belonging, text as diagnosis_text};
+pub use diagnosis_text::text as diagnosis_text;
+pub use laboratory_text::belonging;
 pub use outlook::{Direction, Outlook, PlanSigma};
 pub use remarks::{Remark, Severity};
 
