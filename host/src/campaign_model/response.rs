@@ -197,11 +197,14 @@ mod tests {
     /// but for what all runs share.
     #[test]
     fn levels_are_told_from_gains_by_runs_along_several_axes() {
-        let truth = Response([
-            [0.004, 0.02, -0.01],
-            [0.01, -0.006, 0.0],
-            [0.0, -0.02, 0.005],
-        ]);
+        let truth = Response {
+            values: [
+                [0.004, 0.02, -0.01],
+                [0.01, -0.006, 0.0],
+                [0.0, -0.02, 0.005],
+            ],
+            ..Response::default()
+        };
         let (mut square, mut count, mut shared) = (0.0, 0.0, 0.0);
         for seed in 0..40 {
             let (mut seen, errors) = runs(&truth, seed);
