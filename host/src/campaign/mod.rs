@@ -35,7 +35,7 @@ use crate::error::{Error, Place, Problem, decimal};
 use crate::median::median;
 use crate::output::write_file;
 use table::Row;
-pub(crate) use table::{RowLimited, read_error};
+pub(crate) use table::{RowSource, read_error};
 
 /// All the measurements of one instrument.
 #[derive(Clone, Debug, PartialEq)]
