@@ -43,6 +43,8 @@ pub struct Suspect {
     pub place: usize,
     /// In standard deviations, from what all other rows say of it.
     pub distance: f64,
+    /// Number of its observations beside the one that lies so far.
+    pub others: usize,
 }
 
 /// What is assumed of a campaign before it is searched: runs that contradict themselves are set aside, and the table follows
@@ -267,6 +269,7 @@ pub fn suspects(
         reading: true,
         place,
         distance: distances[whole.rows(Observable::Static).start + place],
+        others: 0,
     });
     let runs = assumptions.excluded_runs.iter().map(|&place| {
         let row = whole.row_of_run(place);
@@ -281,10 +284,21 @@ pub fn suspects(
             .map(at)
             .into_iter()
             .fold(0.0, |far: f64, z| if z.abs() > far.abs() { z } else { far });
+        let observed =
+            |range: std::ops::Range<usize>| whole.observations().observed_rows(range).count();
+        let of_run = |o: Observable| {
+            let each = o.per_run();
+            let first = whole.rows(o).start + each * row;
+            observed(first..first + each)
+        };
+        let runs = Observable::ALL
+            .into_iter()
+            .filter(|o| *o != Observable::Static);
         Suspect {
             reading: false,
             place,
             distance: far,
+            others: runs.map(of_run).sum::<usize>().saturating_sub(1),
         }
     });
     readings.chain(runs).collect()

@@ -17,7 +17,7 @@ use crate::campaign::{Campaign, Run, VibrationKind};
 use crate::effects::{Action, Effect};
 use crate::forward::conditions::{Conditions, Witnesses, seen_ratios};
 use crate::forward::contribution::{Layout, Observable};
-use crate::forward::finite_record::unseen_variance_g2;
+use crate::forward::finite_record::unseen_variance_within_g2;
 use crate::forward::motion::Motion;
 use crate::forward::nominal;
 use crate::forward::rows::RunConditions;
@@ -307,7 +307,10 @@ impl CampaignModel {
                 let unseen = if run.shape_seen {
                     coefficients.asymmetry.powi(2) * kink
                 } else {
-                    unseen_variance_g2(run, coefficients)
+                    let integrals = self.conditions.averages.integrals(run);
+                    integrals.map_or(0.0, |integrals| {
+                        unseen_variance_within_g2(run, coefficients, integrals)
+                    })
                 };
                 unseen + added + spectral
             })

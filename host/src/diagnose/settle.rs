@@ -101,7 +101,10 @@ fn attempt(
     let mut model = CampaignModel::assuming(campaign, &[], effects, &assumptions);
     let search = search(&mut model, &SearchPolicy::default())?;
     let fit = &search.hypotheses[0].fit;
-    let far = |suspect: Suspect| (suspect.distance / GROSS_WIDTH).powi(2).ln_1p();
+    // What else was observed of the row would have cost a sound row's half each.
+    let far = |suspect: Suspect| {
+        (suspect.distance / GROSS_WIDTH).powi(2).ln_1p() + 0.5 * suspect.others as f64
+    };
     let gross = suspects(campaign, &model, fit, &assumptions)
         .into_iter()
         .map(far)

@@ -45,7 +45,7 @@ impl Observable {
     ];
 
     /// Its rows a run; none of a dial reading.
-    const fn per_run(self) -> usize {
+    pub const fn per_run(self) -> usize {
         match self {
             Self::Static => 0,
             Self::Reference => 3,

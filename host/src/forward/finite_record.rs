@@ -22,6 +22,20 @@ pub(crate) const ORDERS: usize = 14;
 /// Variance (g^2) of a run's vibration error about its expectation, from the moments of its record that no reference
 /// reported; zero for a sine.
 pub fn unseen_variance_g2(run: &RunConditions, coefficients: &Coefficients<f64>) -> f64 {
+    match run.kind {
+        VibrationKind::Sine => 0.0,
+        VibrationKind::Random => {
+            unseen_variance_within_g2(run, coefficients, &correlation_integrals(run.band_hz))
+        }
+    }
+}
+
+/// The same with the [`correlation_integrals`] of the run's band.
+pub(crate) fn unseen_variance_within_g2(
+    run: &RunConditions,
+    coefficients: &Coefficients<f64>,
+    integrals: &[f64; ORDERS + 1],
+) -> f64 {
     let sigma = (run.direction[0] * run.level_g).abs();
     if run.kind == VibrationKind::Sine || sigma == 0.0 {
         return 0.0;
@@ -32,7 +46,6 @@ pub fn unseen_variance_g2(run: &RunConditions, coefficients: &Coefficients<f64>)
     let density = (-0.5 * alpha * alpha).exp() / std::f64::consts::TAU.sqrt();
     let hermite = hermite(-alpha);
     let seen_up_to = if run.shape_seen { 4 } else { 2 };
-    let integrals = correlation_integrals(run.band_hz);
     let mut factorial = 2.0;
     let mut variance = 0.0;
     for n in 3..=ORDERS {

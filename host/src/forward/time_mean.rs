@@ -68,6 +68,15 @@ impl Averages {
         }
     }
 
+    /// Integrals of the powers of a random run's autocorrelation, s; `None` for a sine.
+    pub(crate) fn integrals(&self, run: &RunConditions) -> Option<&[f64; ORDERS + 1]> {
+        let mut known = self.integrals.iter();
+        let known = known.find(|(band, _)| *band == run.band_hz);
+        known
+            .filter(|_| run.kind == VibrationKind::Random)
+            .map(|(_, integrals)| integrals)
+    }
+
     /// The time mean of `function` over a run with this motion. Between its `kinks`, multiples of the motion's
     /// amplitude where it or its slope jumps, the function is smooth; one without any is a polynomial of the sixth degree at
     /// most. For a first look the nodes are fewer, and there is no variance.
@@ -138,10 +147,9 @@ impl Averages {
         let [skew, kurt] = motion.shape;
         let value = c[0] + c[3] * skew / 6f64.sqrt() + c[4] * (kurt - 3.0) / 24f64.sqrt();
         let seen = if run.shape_seen { SEEN } else { 2 };
-        let integrals = self.integrals.iter().find(|(band, _)| *band == run.band_hz);
-        let integrals = integrals.filter(|_| !screening);
+        let integrals = self.integrals(run).filter(|_| !screening);
         let mut variance = 0.0;
-        if let Some((_, integrals)) = integrals {
+        if let Some(integrals) = integrals {
             let mut left = square - c[..=seen].iter().map(|c| c * c).sum::<f64>();
             for n in seen + 1..=ORDERS {
                 variance += c[n] * c[n] * integrals[n] / run.duration_s;
