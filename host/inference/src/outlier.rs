@@ -10,7 +10,7 @@ use crate::model::SeparableModel;
 use crate::observations::Column;
 
 /// Least share of a row's information that counts as left by the unknowns: below it the row tells nothing of its own error.
-const LEAST_LEFT: f64 = 1e-3;
+const LEAST_LEFT: f64 = 1e-5;
 /// Ridge on columns of unit information: such that are alike are told apart no further.
 const RIDGE: f64 = 1e-6;
 
