@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::{Command, Console};
-use crate::diagnose::published::{TableDiagnosis, diagnose_published};
+use crate::paper::diagnosis::{TableDiagnosis, diagnose_published};
 use crate::error::Error;
 use crate::paper::{Comparison, TABLES, Weights, compare, weights};
 

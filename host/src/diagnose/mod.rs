@@ -17,7 +17,6 @@ mod location;
 mod next_tests;
 mod onboard;
 mod proposals;
-pub mod published;
 mod remarks;
 mod rows;
 mod settle;

@@ -3,6 +3,7 @@
 //! N. Chernyak et al., identification of the vibration error of a navigation accelerometer in its static tests.
 
 pub mod comparison;
+pub mod diagnosis;
 pub mod tables;
 
 pub use comparison::{Comparison, Implied, Weights, compare, weights};
