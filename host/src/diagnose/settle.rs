@@ -49,7 +49,10 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
         let plain = CampaignModel::assuming(campaign, &[], effects, &stated);
         let flexible = judge(campaign, &plain, &fit_base(&plain)?, true, &stated);
         let few = (1..=FEW_ROWS).contains(&flexible.rows());
-        if !flexible.agree(&stated) && (few || !agreed) {
+        let other = !flexible.agree(&stated) && (few || !agreed);
+        // One effect that leaves nothing is what it seems, unless nothing but bad rows does as well.
+        let simple = agreed && best.fit().members.len() == 1 && !best.search.unexplained;
+        if other && !(simple && nothing_but(campaign, &flexible)? < best.weight()) {
             best = better(best, attempt(campaign, effects, flexible)?);
         }
     }
@@ -61,7 +64,9 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
         let next = attempt(campaign, effects, judged)?;
         // A row that belongs after all comes back, whatever that costs.
         let fewer = next.assumptions.rows() < best.assumptions.rows();
-        if !fewer && next.weight() < best.weight() {
+        // What stays unexplained is not explained by other noise.
+        let futile = best.search.unexplained && next.search.unexplained;
+        if !fewer && (futile || next.weight() < best.weight()) {
             break;
         }
         best = next;
@@ -89,8 +94,7 @@ struct Attempt {
     model: CampaignModel,
     search: Search,
     assumptions: Assumptions,
-    /// Logarithm of how much less probable the errors of the rows set aside are than small ones.
-    gross: f64,
+    weight: f64,
 }
 
 fn attempt(
@@ -100,21 +104,56 @@ fn attempt(
 ) -> Option<Attempt> {
     let mut model = CampaignModel::assuming(campaign, &[], effects, &assumptions);
     let search = search(&mut model, &SearchPolicy::default())?;
-    let fit = &search.hypotheses[0].fit;
-    // What else was observed of the row would have cost a sound row's half each.
-    let far = |suspect: Suspect| {
-        (suspect.distance / GROSS_WIDTH).powi(2).ln_1p() + 0.5 * suspect.others as f64
-    };
-    let gross = suspects(campaign, &model, fit, &assumptions)
-        .into_iter()
-        .map(far)
-        .sum();
+    let best = &search.hypotheses[0];
+    let of_rows = log_weight_of_rows(campaign, &model, &best.fit, &assumptions);
     Some(Attempt {
+        weight: best.log_posterior_weight + of_rows,
         model,
         search,
         assumptions,
-        gross,
     })
+}
+
+/// The weight that an attempt under these assumptions has at least: that of no effect.
+fn nothing_but(campaign: &Campaign, assumptions: &Assumptions) -> Option<f64> {
+    let model = CampaignModel::assuming(campaign, &[], &[], assumptions);
+    let fit = fit_base(&model)?;
+    let of_rows = log_weight_of_rows(campaign, &model, &fit, assumptions);
+    Some(SearchPolicy::default().prior_nothing.ln() + fit.log_evidence + of_rows)
+}
+
+/// Logarithm of what rows that do not belong and factors on the noise make of a fit's posterior weight, up to what all
+/// attempts share.
+fn log_weight_of_rows(
+    campaign: &Campaign,
+    model: &CampaignModel,
+    fit: &Fit,
+    assumptions: &Assumptions,
+) -> f64 {
+    // An error of a few tens of standard deviations under its own distribution, against a sound row's. What else was observed
+    // of the row would have cost a sound row's half each.
+    let improbable = -PRIOR_GROSS.ln() + (GROSS_WIDTH * (std::f64::consts::PI / 2.0).sqrt()).ln();
+    let gross = |suspect: Suspect| {
+        (suspect.distance / GROSS_WIDTH).powi(2).ln_1p() + 0.5 * suspect.others as f64
+    };
+    let suspects = suspects(campaign, model, fit, assumptions).into_iter();
+    let gross: f64 = suspects.map(gross).sum();
+    -improbable * assumptions.rows() as f64 - gross - log_spread(model, assumptions)
+}
+
+/// Sum of the logarithms of the standard deviations that the factors on the noise change.
+fn log_spread(model: &CampaignModel, assumptions: &Assumptions) -> f64 {
+    let rows = |observables: &[Observable]| -> f64 {
+        let all = observables.iter().map(|o| model.rows(*o).len());
+        all.sum::<usize>() as f64
+    };
+    let plateaus = rows(&[Observable::Before, Observable::During, Observable::After]);
+    let drifts = rows(&[Observable::Drift]);
+    // A reading that is set aside counts with the noise that it was stated to have.
+    let set_aside = assumptions.excluded_readings.len() as f64 * EXCLUDED_OVER_STATED.ln();
+    model.observations().log_spread_of_correlated() - set_aside
+        + plateaus * assumptions.factor(Noise::Plateaus).ln()
+        + drifts * assumptions.factor(Noise::Drift).ln()
 }
 
 impl Attempt {
@@ -125,27 +164,7 @@ impl Attempt {
     /// Logarithm of the posterior weight of what it found, rows that do not belong and factors on the noise included, up to
     /// what all attempts share.
     fn weight(&self) -> f64 {
-        let excluded = self.assumptions.rows();
-        // An error of a few tens of standard deviations under its own distribution, against a sound row's.
-        let cost = -PRIOR_GROSS.ln() + (GROSS_WIDTH * (std::f64::consts::PI / 2.0).sqrt()).ln();
-        let evidence = self.search.hypotheses[0].log_posterior_weight;
-        evidence - cost * excluded as f64 - self.gross - self.log_spread()
-    }
-
-    /// Sum of the logarithms of the standard deviations that the factors on the noise change.
-    fn log_spread(&self) -> f64 {
-        let assumptions = &self.assumptions;
-        let rows = |observables: &[Observable]| -> f64 {
-            let all = observables.iter().map(|o| self.model.rows(*o).len());
-            all.sum::<usize>() as f64
-        };
-        let plateaus = rows(&[Observable::Before, Observable::During, Observable::After]);
-        let drifts = rows(&[Observable::Drift]);
-        // A reading that is set aside counts with the noise that it was stated to have.
-        let set_aside = assumptions.excluded_readings.len() as f64 * EXCLUDED_OVER_STATED.ln();
-        self.model.observations().log_spread_of_correlated() - set_aside
-            + plateaus * assumptions.factor(Noise::Plateaus).ln()
-            + drifts * assumptions.factor(Noise::Drift).ln()
+        self.weight
     }
 }
 
