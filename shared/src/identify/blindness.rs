@@ -100,6 +100,15 @@ impl<T: Real, const N: usize> Visibility<T, N> {
         }
     }
 
+    /// Nothing is blind.
+    pub fn full(condition: T) -> Self {
+        Self {
+            rank: N,
+            condition,
+            blind: [[T::zero(); N]; N],
+        }
+    }
+
     /// The directions that are blind, as unit vectors with the largest component positive. Components in the order of
     /// [`Coefficients::to_nominal`](crate::model::Coefficients::to_nominal), the first for K1, the others for K1 times
     /// the coefficient.

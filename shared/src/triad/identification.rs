@@ -10,7 +10,7 @@ use num_traits::Float;
 use super::attitude::{Position, PositionError, Rows, UNKNOWNS};
 use super::blind::{FRAME, untold};
 use super::body::INSTRUMENTS;
-use crate::identify::blindness::{BEFOREHAND, Visibility};
+use crate::identify::blindness::{BEFOREHAND, LEAST_GAIN, Visibility};
 use crate::identify::square_root::{
     FactorError, TriangularFactor, inverse_square, leave_out, storage_len,
 };
@@ -204,8 +204,7 @@ impl Identification {
         let with_prior = if added == 0 {
             by_positions.clone()
         } else {
-            let (triangle, _) = total.trailing::<UNKNOWNS>();
-            Visibility::beside(&triangle, &unit, &untold, f64::NAN)
+            beside_prior(&total, &unit, &untold)
         };
         for direction in with_prior.blind_directions() {
             hold(&mut total, direction, &unit);
@@ -347,6 +346,22 @@ const FIRM: f64 = 1e3;
 /// Standard deviations beforehand of the unknowns.
 fn units() -> [f64; UNKNOWNS] {
     core::array::from_fn(|k| BEFOREHAND[k % NOMINAL])
+}
+
+/// What is determined with frame and prior.
+fn beside_prior(
+    total: &Factor,
+    unit: &[f64; UNKNOWNS],
+    untold: &[[f64; UNKNOWNS]],
+) -> Visibility<f64, UNKNOWNS> {
+    let (triangle, _) = total.trailing::<UNKNOWNS>();
+    // No gain is below 1 / sqrt(sum of variances in units of those beforehand): most often that spares the singular values.
+    let covariance = inverse_square(&triangle);
+    let variance = (0..UNKNOWNS).map(|k| covariance[k][k] / (unit[k] * unit[k]));
+    if variance.sum::<f64>() <= (LEAST_GAIN * LEAST_GAIN).recip() {
+        return Visibility::full(f64::NAN);
+    }
+    Visibility::beside(&triangle, unit, untold, f64::NAN)
 }
 
 /// Along a blind direction what is known beforehand takes the place of readings.
