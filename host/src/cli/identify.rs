@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
-use super::{Command, Console, read_campaign};
+use super::{Command, Console, read_campaign, triad};
+use crate::campaign::is_triad;
 use crate::error::Error;
 use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
@@ -28,6 +29,15 @@ pub struct Identify {
 
 impl Command for Identify {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if is_triad(&self.campaign) {
+            if self.prior_sigma.is_some() || self.method != Method::LeastSquares {
+                return Err(Error::Usage(
+                    "a triad takes neither --prior-sigma nor another --method; state cross_coupling_sigma_per_g in campaign.toml"
+                        .into(),
+                ));
+            }
+            return triad::identify(&self.campaign, console);
+        }
         let campaign = read_campaign(&self.campaign, console)?;
         let identification = identify(&campaign, self.method, self.prior_sigma)?;
         console.print(text(&identification))?;

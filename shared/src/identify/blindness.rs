@@ -63,15 +63,21 @@ impl<T: Real> Visibility<T> {
         condition: T,
     ) -> Self {
         let unit = beforehand.map(|sigma| sigma * scale_v_per_g);
-        Self::beside(triangle, &unit, &[], condition)
+        Self::beside(triangle, &unit, &[], Some(condition))
     }
 }
 
 impl<T: Real, const N: usize> Visibility<T, N> {
     /// Judges readings by their information: `triangle` is the upper triangular factor of whitened rows on N unknowns,
     /// `unit` their standard deviations beforehand. Directions of `named`, orthonormal, stand first among the blind ones
-    /// if they are blind; the others are what is left of the blind space.
-    pub fn beside(triangle: &[[T; N]; N], unit: &[T; N], named: &[[T; N]], condition: T) -> Self {
+    /// if they are blind; the others are what is left of the blind space. The `condition` is that of the positions if it is known,
+    /// else the ratio of largest to smallest gain.
+    pub fn beside(
+        triangle: &[[T; N]; N],
+        unit: &[T; N],
+        named: &[[T; N]],
+        condition: Option<T>,
+    ) -> Self {
         // In units of the standard deviations beforehand the singular values are the gains.
         let scaled = triangle.map(|row| core::array::from_fn(|k| row[k] * unit[k]));
         let (gains, directions) = singular_values(scaled);
@@ -95,7 +101,7 @@ impl<T: Real, const N: usize> Visibility<T, N> {
         orthonormalise(&mut blind[rank..]);
         Self {
             rank,
-            condition,
+            condition: condition.unwrap_or(gains[0] / gains[N - 1]),
             blind,
         }
     }

@@ -196,7 +196,7 @@ impl Identification {
     pub fn solve(&self, prior: &Prior) -> Result<Fit, FactorError> {
         let (unit, untold) = (units(), untold());
         let (triangle, _) = self.factor.trailing::<UNKNOWNS>();
-        let by_positions = Visibility::beside(&triangle, &unit, &untold, f64::NAN);
+        let by_positions = Visibility::beside(&triangle, &unit, &untold, None);
         let frame_is_chosen = self.attitudes == 0;
         let mut total = framed(&self.factor, frame_is_chosen)?;
         let mut added = add_prior(&mut total, prior);
@@ -361,7 +361,7 @@ fn beside_prior(
     if variance.sum::<f64>() <= (LEAST_GAIN * LEAST_GAIN).recip() {
         return Visibility::full(f64::NAN);
     }
-    Visibility::beside(&triangle, unit, untold, f64::NAN)
+    Visibility::beside(&triangle, unit, untold, None)
 }
 
 /// Along a blind direction what is known beforehand takes the place of readings.
