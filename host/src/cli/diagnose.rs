@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Command, Console, read_campaign};
+use super::{Command, Console, read_campaign, triad};
+use crate::campaign::is_triad;
 use crate::contradictions;
 use crate::diagnose::diagnose;
 use crate::error::Error;
@@ -30,6 +31,12 @@ pub struct Diagnose {
 
 impl Command for Diagnose {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if is_triad(&self.campaign) {
+            if !self.without.is_empty() || self.html.is_some() {
+                return Err(Error::Usage("a triad is diagnosed without --without and --html; `vre report` writes its page".into()));
+            }
+            return triad::diagnose(&self.campaign, console);
+        }
         let campaign = read_campaign(&self.campaign, console)?;
         let accepted = self.accept_contradictions;
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {

@@ -6,15 +6,16 @@ use serde_json::json;
 use shared::triad::body::Axis;
 use shared::triad::vibration::BodyMoments;
 
-use super::Console;
+use super::{Console, refuse_campaign};
 use crate::bench::noise::Seed;
 use crate::campaign::{TriadCampaign, read_triad_runs};
 use crate::error::Error;
 use crate::output::{write_file, write_json};
+use crate::report;
 use crate::statics::NAMES;
 use crate::triad::planning::{self, Conditions, Environment};
 use crate::triad::session::{Session, Simulated};
-use crate::triad::{self, text};
+use crate::triad::{self, rests, text};
 
 /// `vre identify`
 pub fn identify(folder: &Path, console: &Console) -> Result<(), Error> {
@@ -43,6 +44,65 @@ pub fn predict(folder: &Path, runs: Option<&Path>, console: &Console) -> Result<
     let prediction = triad::predict(&campaign, runs)?;
     console.print(text::prediction(&prediction, runs))?;
     console.json(&prediction)
+}
+
+/// `vre diagnose`
+pub fn diagnose(folder: &Path, console: &Console) -> Result<(), Error> {
+    let diagnosis = triad::diagnosis::diagnose(&TriadCampaign::read(folder)?)?;
+    console.print(text::diagnosis(&diagnosis))?;
+    console.json(&diagnosis)
+}
+
+/// `vre report`
+pub fn report(folder: &Path, out: &Path, console: &Console) -> Result<(), Error> {
+    let campaign = TriadCampaign::read(folder)?;
+    let report = report::triad::write(&campaign, out)?;
+    let page = out.join("report.html");
+    console.print(format!(
+        "{}\n{}",
+        text::identification(&report.identification),
+        page.display()
+    ))?;
+    console.json(&report.identification)
+}
+
+/// Least length of a rest in the demonstration, s.
+const LEAST_REST_S: f64 = 1.5;
+
+/// `vre demo --triad`: a session by hand in the time domain, its rests, coefficients, prediction, page.
+pub fn demo(out: &Path, session: &Session, console: &Console) -> Result<(), Error> {
+    let folder = out.join("campaign");
+    if !out.join("truth.json").exists() {
+        refuse_campaign(&folder, "")?;
+    }
+    let simulated = session.simulate();
+    let mut campaign = simulated.campaign.clone();
+    if session.attitude_sigma_arcsec.is_none() {
+        let samples = simulated
+            .record
+            .iter()
+            .map(|sample| (sample.time_s, sample.output_v));
+        let rests = rests::of_samples(samples, LEAST_REST_S);
+        campaign.positions = rests.map_or(Vec::new(), |rests| rests.positions());
+    }
+    campaign.write(&folder)?;
+    write_record(&folder.join("record.csv"), &simulated)?;
+    write_json(&out.join("truth.json"), &truth(&simulated))?;
+    let report = report::triad::write(&campaign, out)?;
+    let mut told = format!(
+        "{} rests found in a session of {:.0} s, {} orientations\n\n",
+        campaign.positions.len(),
+        simulated.record.last().map_or(0.0, |sample| sample.time_s),
+        session.positions
+    );
+    told += &text::identification(&report.identification);
+    told.push('\n');
+    if let Some(prediction) = &report.prediction {
+        told += &text::prediction(prediction, &campaign.runs);
+    }
+    told += &out.join("report.html").display().to_string();
+    console.print(told)?;
+    console.json(&report.identification)
 }
 
 /// Orientations to add that are looked for.

@@ -1,5 +1,6 @@
 //! The fit of a triad's campaign: scatter of the positions, what is claimed, and the coefficients.
 
+use shared::identify::blindness::{BEFOREHAND, LEAST_GAIN};
 use shared::identify::square_root::FactorError;
 use shared::model::{Coefficients, NOMINAL};
 use shared::triad::identification::{Fit, IdentificationError, Prior};
@@ -16,9 +17,7 @@ use crate::statics::{NAMES, SUSPICIOUS};
 /// The fit of a campaign.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// Coefficients beside the stated prior; where positions scatter, [`BEFOREHAND`] stands for terms that are not claimed.
-    ///
-    /// [`BEFOREHAND`]: shared::identify::blindness::BEFOREHAND
+    /// Coefficients beside the stated prior; [`BEFOREHAND`] stands for terms that positions left out do not bear out.
     pub fit: Fit,
     /// The same beside what is known of any instrument of the kind: for predictions.
     pub bounded: Fit,
@@ -33,12 +32,16 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// Whether a coefficient (its place) of an instrument is to be stated as a number: the positions determine it and, where
-    /// they scatter, leaving positions out bears its term out.
+    /// Whether a coefficient (its place) of an instrument is to be stated as a number: the positions determine it, and leaving
+    /// positions out bears its term out or, where they do not scatter, they narrow what was known of it to a third.
     pub fn states(&self, instrument: usize, coefficient: usize) -> bool {
         let borne_out = match group_of(coefficient) {
-            Some(group) => self.scatter_g == 0.0 || self.left_out.claims[group],
-            None => true,
+            Some(group) if !self.left_out.claims[group] => {
+                let k = instrument * NOMINAL + coefficient;
+                let narrow = LEAST_GAIN * BEFOREHAND[coefficient];
+                self.scatter_g == 0.0 && self.fit.covariance[k][k] <= narrow * narrow
+            }
+            _ => true,
         };
         borne_out && self.fit.determines(instrument, coefficient)
     }
@@ -79,10 +82,8 @@ pub fn fit(campaign: &TriadCampaign) -> Result<Fitted, Error> {
     let left_out =
         leave_out(&positions, &about, gravity_g, &stated).map_err(|error| undetermined(&error))?;
     let mut prior = stated;
-    if scatter_g > 0.0 {
-        for k in (2..NOMINAL).filter(|k| group_of(*k).is_some_and(|g| !left_out.claims[g])) {
-            prior.sigma[k] = bounded_prior.sigma[k];
-        }
+    for k in (2..NOMINAL).filter(|k| group_of(*k).is_some_and(|g| !left_out.claims[g])) {
+        prior.sigma[k] = bounded_prior.sigma[k];
     }
     let relative = campaign.config.bench.local_gravity_sigma_g.unwrap_or(0.0) / gravity_g;
     let final_fit = |prior: &Prior| {

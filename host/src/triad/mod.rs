@@ -8,6 +8,7 @@
 
 pub mod answer;
 pub mod coverage;
+pub mod diagnosis;
 pub mod fit;
 pub mod leave_out;
 pub mod observations;

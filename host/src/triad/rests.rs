@@ -21,9 +21,15 @@ use crate::median::median;
 const BLOCK_S: f64 = 0.25;
 /// Least samples of a block.
 const LEAST_SAMPLES: u32 = 8;
-/// Standard deviations of a block's variance, and of a step of means, that a body at rest may be off. Of Gaussian noise one
-/// block in three million is; of the heavier tails of real ones perhaps one in thousands, which costs a piece of a rest.
+/// Gaussian deviates by which a block's variance, and a step of means, may be off at rest: one block in three million is.
 const FAR: f64 = 5.0;
+
+/// Variance of a sample of Gaussian noise over the true one that is exceeded as seldom as [`FAR`] standard deviations (Wilson and
+/// Hilferty 1931).
+fn greatest_ratio(degrees_of_freedom: f64) -> f64 {
+    let spread = 2.0 / (9.0 * degrees_of_freedom);
+    (1.0 - spread + FAR * spread.sqrt()).powi(3)
+}
 /// Blocks that set the first guess of the floor: this share of all, the quietest.
 const QUIETEST: f64 = 0.1;
 /// Passes in which the floor settles.
@@ -287,7 +293,7 @@ impl Thresholds {
 /// between such blocks, likewise.
 fn thresholds(blocks: &[Block]) -> Option<Thresholds> {
     let count = median(blocks.iter().map(|block| f64::from(block.count)).collect())?;
-    let reach = 1.0 + FAR * (2.0 / (count - 1.0)).sqrt();
+    let reach = greatest_ratio(count - 1.0);
     let width: [f64; 3] = [0, 1, 2].map(|s| {
         let means: Vec<f64> = blocks.iter().map(|block| block.mean[s].abs()).collect();
         // Codes that do not move at all: rounding of their size.

@@ -80,27 +80,32 @@ const NOMINAL_V_PER_G: f64 = 1.2;
 const GRAVITY_G: f64 = 0.9992;
 
 impl Session {
-    /// Simulates the session and the shaker runs after it.
-    pub fn simulate(&self) -> Simulated {
+    /// Simulates the session without shaker runs.
+    pub fn at_rest(&self) -> Simulated {
         let triad = self.triad();
         let mut record = Vec::new();
         let positions = self.turn(&triad, &mut record);
         let serial = format!("T{:05}", self.seed.0);
         let config = TriadConfig::new(&serial, NOMINAL_V_PER_G, Some(CROSS_SIGMA), GRAVITY_G);
-        let runs = runs();
-        let runs = runs
-            .into_iter()
-            .map(|run| self.shake(&triad, run))
-            .collect();
         Simulated {
             campaign: TriadCampaign {
                 config,
                 positions,
-                runs,
+                runs: Vec::new(),
             },
             record,
             triad,
         }
+    }
+
+    /// Simulates the session and the shaker runs after it.
+    pub fn simulate(&self) -> Simulated {
+        let mut simulated = self.at_rest();
+        let shaken = runs()
+            .into_iter()
+            .map(|run| self.shake(&simulated.triad, run));
+        simulated.campaign.runs = shaken.collect();
+        simulated
     }
 
     /// Three instruments; held by hand the frame is theirs: IA of x is x, IA of y lies in the plane of x and y.

@@ -5,12 +5,16 @@ use std::fmt::Write as _;
 use shared::triad::body::Axis;
 
 use super::answer::TriadIdentification;
+use super::diagnosis::TriadDiagnosis;
 use super::planning::{Conditions, TriadPlan};
 use super::prediction::TriadPrediction;
 use super::rests::Rests;
 use crate::campaign::{TriadRun, VibrationKind};
 use crate::quantity::Quantity;
 use crate::statics::{MEANINGS, NAMES};
+
+/// Most coefficients of a blind direction that is printed.
+const READABLE: usize = 4;
 
 /// The coefficients of the three instruments beside each other.
 pub fn identification(found: &TriadIdentification) -> String {
@@ -49,12 +53,23 @@ pub fn identification(found: &TriadIdentification) -> String {
         "rank {} of 33 by the positions, {} with frame and prior; chi-square {:.1} at {} degrees of freedom",
         found.rank, found.rank_with_prior, found.chi2, found.dof
     );
-    for direction in &found.blind_directions {
+    let (plain, mixed): (Vec<_>, Vec<_>) = found
+        .blind_directions
+        .iter()
+        .partition(|direction| direction.len() <= READABLE);
+    for direction in plain {
         let parts: Vec<_> = direction
             .iter()
             .map(|(n, c)| format!("{c:+.3} {n}"))
             .collect();
         let _ = writeln!(text, "BLIND: {}", parts.join("  "));
+    }
+    if !mixed.is_empty() {
+        let _ = writeln!(
+            text,
+            "BLIND: {} combinations of many coefficients besides, which noise hides; --json lists them",
+            mixed.len()
+        );
     }
     write_prior(&mut text, found.cross_coupling_sigma_per_g);
     if found.scatter_g > 0.0 {
@@ -81,6 +96,9 @@ fn write_prior(text: &mut String, cross_coupling_sigma_per_g: Option<f64>) {
             "No prior of the cross-couplings is stated (cross_coupling_sigma_per_g of campaign.toml)."
         ),
     };
+    text.push_str(
+        "Assumed of higher terms that positions left out do not bear out, and of all in predictions: 0 +- 5e-4 beforehand.\n",
+    );
 }
 
 fn write_left_out(text: &mut String, found: &TriadIdentification) {
@@ -147,6 +165,35 @@ pub fn prediction(found: &TriadPrediction, runs: &[TriadRun]) -> String {
     }
     text.push('\n');
     write_prior(&mut text, found.cross_coupling_sigma_per_g);
+    text
+}
+
+/// What the positions leave, and what makes it.
+pub fn diagnosis(found: &TriadDiagnosis) -> String {
+    let mut text = format!(
+        "triad {}: {}\n\ngap      a linear triad misses |a| = g by {:.2} times the stated noise\n",
+        found.serial, found.verdict, found.gap.rms_over_noise
+    );
+    for named in &found.which {
+        let _ = writeln!(text, "which    {}", named.effect);
+        for parameter in &named.parameters {
+            let _ = writeln!(text, "         {} = {}", parameter.name, parameter.quantity);
+        }
+    }
+    let shrink = &found.shrink;
+    let _ = writeln!(
+        text,
+        "shrink   positions left out miss |a| = g by {:.2} (linear), {:.2} (with effects) microg",
+        shrink.held_out_rms_linear_g * 1e6,
+        shrink.held_out_rms_with_effects_g * 1e6
+    );
+    if !found.not_asked.is_empty() {
+        let _ = writeln!(
+            text,
+            "not asked, since positions.csv has no times or temperatures that differ: {}",
+            found.not_asked.join(", ")
+        );
+    }
     text
 }
 
