@@ -150,6 +150,24 @@ fn terms_are_claimed_where_they_are_and_positions_left_out_never_get_worse() -> 
 }
 
 #[test]
+fn of_a_consumer_part_hardly_ever_a_higher_term_is_claimed() -> Outcome {
+    let (mut claims, sessions) = (0, 30);
+    for seed in 100..100 + sessions {
+        let coarse = Session {
+            noise_g: 1e-3,
+            ..by_hand(seed, 40)
+        };
+        let found = fit(&coarse.at_rest().campaign)?;
+        let left_out = &found.left_out;
+        assert!(left_out.rms_g <= left_out.linear_rms_g);
+        claims += usize::from(left_out.claims.contains(&true));
+    }
+    println!("{claims} of {sessions} sessions claim a term");
+    assert!(claims <= 3, "{claims}");
+    Ok(())
+}
+
+#[test]
 fn scatter_of_the_positions_is_in_every_uncertainty() -> Outcome {
     let mut campaign = by_hand(4, 60).at_rest().campaign;
     let before = fit(&campaign)?;

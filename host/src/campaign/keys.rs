@@ -22,7 +22,6 @@ const KNOWN: [(Option<&str>, &[&str]); 7] = [
         Some("instrument"),
         &[
             "serial",
-            "kind",
             "scale_factor_nominal_v_per_g",
             "full_scale_g",
             "cross_coupling_sigma_per_g",

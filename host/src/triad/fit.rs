@@ -1,13 +1,15 @@
 //! The fit of a triad's campaign: scatter of the positions, what is claimed, and the coefficients.
 
+use nalgebra::{DMatrix, DVector};
 use shared::identify::blindness::{BEFOREHAND, LEAST_GAIN};
 use shared::identify::square_root::FactorError;
 use shared::model::{Coefficients, NOMINAL};
+use shared::triad::attitude::Position;
 use shared::triad::identification::{Fit, IdentificationError, Prior};
 use shared::triad::{body::Axis, identification};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::leave_out::{LeftOut, group_of, leave_out};
+use super::leave_out::{Claims, GROUPS, LeftOut, group_of, leave_out};
 use super::observations::{gravity_g, observations};
 use super::start::start;
 use crate::campaign::TriadCampaign;
@@ -23,6 +25,8 @@ pub struct Fitted {
     pub bounded: Fit,
     /// The same without the stated prior of the cross-couplings.
     pub unstated: Fit,
+    /// The prior that is stated.
+    pub stated: Prior,
     /// Scatter of the positions beyond their stated noise, g; 0 where the noise is enough.
     pub scatter_g: f64,
     /// Probability of a chi-square at least as large, were the stated noise all; `None` without degrees of freedom.
@@ -33,19 +37,25 @@ pub struct Fitted {
 
 impl Fitted {
     /// Whether a coefficient (its place) of an instrument is to be stated as a number: the positions determine it, and leaving
-    /// positions out bears its term out or, where they do not scatter, they narrow what was known of it to a third.
+    /// positions out bears its term out or, where they do not scatter, they narrow what is known of any instrument to a third.
     pub fn states(&self, instrument: usize, coefficient: usize) -> bool {
         let borne_out = match group_of(coefficient) {
             Some(group) if !self.left_out.claims[group] => {
                 let k = instrument * NOMINAL + coefficient;
+                let sigma = self.fit.covariance[k][k].sqrt();
                 let narrow = LEAST_GAIN * BEFOREHAND[coefficient];
-                self.scatter_g == 0.0 && self.fit.covariance[k][k] <= narrow * narrow
+                let beyond_prior = sigma <= NARROWED * self.stated.sigma[coefficient];
+                self.scatter_g == 0.0 && sigma <= narrow && beyond_prior
             }
             _ => true,
         };
         borne_out && self.fit.determines(instrument, coefficient)
     }
 }
+
+/// Part of a stated standard deviation to which positions must narrow it at least for a number to be theirs: that of
+/// [`LEAST_GAIN`].
+const NARROWED: f64 = 0.95;
 
 /// The prior that campaign.toml states.
 pub fn stated_prior(campaign: &TriadCampaign) -> Prior {
@@ -79,12 +89,10 @@ pub fn fit(campaign: &TriadCampaign) -> Result<Fitted, Error> {
         _ => 0.0,
     };
     let positions = observations(campaign, scatter_g);
+    let bounded = solve(scatter_g, &bounded_prior, &about)?;
     let left_out =
-        leave_out(&positions, &about, gravity_g, &stated).map_err(|error| undetermined(&error))?;
-    let mut prior = stated;
-    for k in (2..NOMINAL).filter(|k| group_of(*k).is_some_and(|g| !left_out.claims[g])) {
-        prior.sigma[k] = bounded_prior.sigma[k];
-    }
+        left_out(&positions, &bounded, gravity_g, &stated).map_err(|error| undetermined(&error))?;
+    let prior = claimed_prior(&stated, &left_out.claims);
     let relative = campaign.config.bench.local_gravity_sigma_g.unwrap_or(0.0) / gravity_g;
     let final_fit = |prior: &Prior| {
         let mut fit = solve(scatter_g, prior, &about)?;
@@ -95,10 +103,62 @@ pub fn fit(campaign: &TriadCampaign) -> Result<Fitted, Error> {
         fit: final_fit(&prior)?,
         bounded: final_fit(&bounded_prior)?,
         unstated: final_fit(&Prior::default().beside_beforehand())?,
+        stated,
         scatter_g,
         p_value,
         left_out,
     })
+}
+
+/// What leaving positions out says, without groups that do not stand out from zero.
+fn left_out(
+    positions: &[Position],
+    bounded: &Fit,
+    gravity_g: f64,
+    stated: &Prior,
+) -> Result<LeftOut, FactorError> {
+    let mut barred = Claims::default();
+    loop {
+        let about = &bounded.coefficients;
+        let found = leave_out(positions, about, gravity_g, stated, &barred)?;
+        let claimed = found.claims.iter().enumerate();
+        let mut faint =
+            claimed.filter(|(group, claimed)| **claimed && !stands_out(bounded, *group));
+        match faint.next() {
+            Some((group, _)) => barred[group] = true,
+            None => return Ok(found),
+        }
+    }
+}
+
+/// What is stated, and what is known of any instrument of the kind for terms that are not claimed.
+fn claimed_prior(stated: &Prior, claims: &Claims) -> Prior {
+    let (mut prior, bounded) = (*stated, stated.beside_beforehand());
+    for k in (2..NOMINAL).filter(|k| group_of(*k).is_some_and(|group| !claims[group])) {
+        prior.sigma[k] = bounded.sigma[k];
+    }
+    prior
+}
+
+/// Probability, were all coefficients of a group zero, of coefficients as far from it, below which the group stands out. Chosen: it
+/// is asked of groups that positions left out speak for already.
+const STANDS_OUT: f64 = 0.01;
+
+/// Whether the coefficients of a group, all together, differ from zero.
+fn stands_out(fit: &Fit, group: usize) -> bool {
+    let places = GROUPS[group].1;
+    let unknowns: Vec<usize> = (0..3)
+        .flat_map(|s| places.iter().map(move |k| s * NOMINAL + k))
+        .collect();
+    let n = unknowns.len();
+    let covariance = DMatrix::from_fn(n, n, |i, j| fit.covariance[unknowns[i]][unknowns[j]]);
+    let value = |k: usize| fit.coefficients[k / NOMINAL].to_nominal()[k % NOMINAL];
+    let values = DVector::from_iterator(n, unknowns.iter().map(|k| value(*k)));
+    let Some(factor) = covariance.cholesky() else {
+        return false;
+    };
+    let chi2 = values.dot(&factor.solve(&values));
+    ChiSquared::new(n as f64).is_ok_and(|chi| chi.sf(chi2) < STANDS_OUT)
 }
 
 /// Probability of a chi-square at least as large as that of a fit.
