@@ -30,4 +30,5 @@ pub mod seal;
 pub mod source;
 pub mod statics;
 pub mod study;
+pub mod triad;
 pub mod verification;

@@ -17,6 +17,7 @@
 //! | [`compensate`] | vibration error taken out on board | (1), (2) |
 //! | [`self_check`] | the instrument judges its own calibration | (1) |
 //! | [`slope`] | measured vibration error by integration and line fit | |
+//! | [`triad`] | three instruments on one body, with a dial or without | (1), (2) |
 //! | [`wire`] | messages between instrument and host, and their framing | |
 //!
 //! Units: specific force and everything that the model's bracket adds up is in g, the standard
@@ -36,6 +37,7 @@ pub mod rectification;
 pub mod scalar;
 pub mod self_check;
 pub mod slope;
+pub mod triad;
 pub mod tumble;
 pub mod vibration;
 pub mod wire;

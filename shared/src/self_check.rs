@@ -25,13 +25,41 @@ pub struct ReadingSums {
     sums: [i64; CHANNELS],
     count: u64,
     lost: u64,
+    noise: ChannelNoise,
+}
+
+/// Noise of one channel, from its blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct ChannelNoise {
     /// Mean code and number of samples of the last block.
     last: Option<(f64, f64)>,
     steps: u32,
     /// Sum of squares about the blocks' means.
     within: f64,
     /// Sum over successive blocks of the squared step of their means, over its variance for noise of variance 1.
-    noise: f64,
+    between: f64,
+}
+
+impl ChannelNoise {
+    /// Takes the next block, of at least one sample.
+    pub(crate) fn absorb(&mut self, block: &Block, channel: usize) {
+        let count = f64::from(block.count);
+        self.within += count * f64::from(block.moments.second[channel]);
+        let mean = block.moments.sum[channel] as f64 / count;
+        if let Some((before, samples)) = self.last.replace((mean, count)) {
+            let step = mean - before;
+            self.between += step * step * (samples * count / (samples + count));
+            self.steps += 1;
+        }
+    }
+
+    /// Standard uncertainty of the mean code of `count` samples; see [`ReadingSums::sigma`].
+    pub(crate) fn sigma(&self, count: u64) -> Option<f64> {
+        let steps = self.between / f64::from(self.steps);
+        let variance = steps.max(self.within / count as f64);
+        let width = 1.0 / 12.0;
+        (self.steps > 0).then(|| num_traits::Float::sqrt((variance + width) / count as f64))
+    }
 }
 
 impl ReadingSums {
@@ -45,14 +73,7 @@ impl ReadingSums {
             *sum = sum.saturating_add(part);
         }
         self.count = self.count.saturating_add(u64::from(block.count));
-        let count = f64::from(block.count);
-        self.within += count * f64::from(block.moments.second[0]);
-        let mean = block.moments.sum[0] as f64 / count;
-        if let Some((before, samples)) = self.last.replace((mean, count)) {
-            let step = mean - before;
-            self.noise += step * step * (samples * count / (samples + count));
-            self.steps += 1;
-        }
+        self.noise.absorb(block, 0);
     }
 
     /// Mean code of a channel, `None` without samples.
@@ -65,10 +86,7 @@ impl ReadingSums {
     /// blocks, and of the steps between successive blocks, which noise of low frequency raises and a drift does not
     /// upset; and the code's width. `None` with fewer than two blocks.
     pub fn sigma(&self) -> Option<f64> {
-        let steps = self.noise / f64::from(self.steps);
-        let variance = steps.max(self.within / self.count as f64);
-        let width = 1.0 / 12.0;
-        (self.steps > 0).then(|| num_traits::Float::sqrt((variance + width) / self.count as f64))
+        self.noise.sigma(self.count)
     }
 
     /// Conversions that were lost at this position.
@@ -221,7 +239,7 @@ impl Verdicts {
         Verdict::ALL.into_iter().filter(has)
     }
 
-    fn add_if(&mut self, verdict: Verdict, wrong: bool) {
+    pub(crate) fn add_if(&mut self, verdict: Verdict, wrong: bool) {
         self.0 |= if wrong { verdict as u16 } else { 0 };
     }
 }

@@ -4,15 +4,14 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::keys;
 use super::ranges::{self, Range};
+use super::toml_file::read_toml;
+use super::{keys, kind};
 use crate::error::{Error, Place, Problem, printable};
 use crate::front_end::FrontEnd;
-use crate::input::read_at_most;
 use crate::output::write_file;
 
-const FORMAT: &str = "vre-campaign/1";
-const MAX_BYTES: u64 = 1 << 20;
+pub(super) const FORMAT: &str = "vre-campaign/1";
 
 /// The content of `campaign.toml`. Keys that mean nothing to us are kept and written back.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -227,33 +226,7 @@ impl CampaignConfig {
     /// # Errors
     /// Unreadable, not UTF-8, not TOML, another format, a missing key, or a value that cannot be.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let bytes = read_at_most(file, MAX_BYTES)?;
-        let at = |offset: usize| Place {
-            row: Some(
-                1 + bytes[..offset]
-                    .iter()
-                    .filter(|&&byte| byte == b'\n')
-                    .count() as u64,
-            ),
-            ..Place::file(file)
-        };
-        let text = std::str::from_utf8(&bytes).map_err(|error| Error::Input {
-            place: at(error.valid_up_to()),
-            problem: Problem::NotUtf8,
-        })?;
-        if text.trim_start_matches('\u{feff}').trim().is_empty() {
-            return Err(Error::input(file, Problem::EmptyFile));
-        }
-        let bad_toml = |error: toml::de::Error| {
-            let place = match error.span() {
-                Some(span) => at(span.start.min(bytes.len())),
-                None => Place::file(file),
-            };
-            let problem = Problem::Other(error.message().replace('\n', " "));
-            Error::Input { place, problem }
-        };
-        keys::check(file, &toml::from_str(text).map_err(bad_toml)?)?;
-        let mut config: Self = toml::from_str(text).map_err(bad_toml)?;
+        let mut config: Self = read_toml(file, |table| kind::of_one(file, table))?;
         config.strip();
         config.check(file)?;
         Ok(config)

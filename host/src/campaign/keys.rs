@@ -20,7 +20,12 @@ const KNOWN: [(Option<&str>, &[&str]); 7] = [
     ),
     (
         Some("instrument"),
-        &["serial", "scale_factor_nominal_v_per_g", "full_scale_g"],
+        &[
+            "serial",
+            "scale_factor_nominal_v_per_g",
+            "full_scale_g",
+            "cross_coupling_sigma_per_g",
+        ],
     ),
     (
         Some("bench"),
@@ -30,6 +35,7 @@ const KNOWN: [(Option<&str>, &[&str]); 7] = [
             "mount_sigma_arcsec",
             "level_sigma_arcsec",
             "local_gravity_g",
+            "local_gravity_sigma_g",
             "reference_temp_c",
             "session_bias_sigma_g",
             "session_alignment_sigma_arcsec",

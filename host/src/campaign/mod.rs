@@ -6,16 +6,23 @@
 //! vibration.csv      one row per shaker run (optional)
 //! ```
 //!
+//! A triad has `positions.csv` instead of `static.csv`: [`TriadCampaign`].
+//!
 //! Tables are UTF-8, comma-separated, with LF or CRLF; columns are found by name, in any order; unknown
 //! columns are kept and written back. A row marked `exclude` is kept and not used. Whatever is wrong is told with file, row and column.
 
 mod config;
 mod keys;
+mod kind;
 mod marks;
 mod plausibility;
+mod positions_table;
 pub mod ranges;
 mod static_table;
 mod table;
+mod toml_file;
+mod triad;
+mod triad_runs;
 mod vibration_table;
 
 use std::collections::HashMap;
@@ -23,9 +30,14 @@ use std::fs;
 use std::path::Path;
 
 pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Limits, Record, Shaker};
+pub use kind::is_triad;
+pub use positions_table::TriadPosition;
+pub(crate) use positions_table::write as write_positions;
 pub use shared::tumble::Series;
 pub use static_table::{Approach, Reading, read_plan};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
+pub use triad::{TriadBench, TriadCampaign, TriadConfig, TriadInstrument};
+pub use triad_runs::{TriadMeasured, TriadRun, read as read_triad_runs};
 pub use vibration_table::{
     BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Drift, Extremes, Measured, ReferenceMoments, Run,
     VibrationKind, read_runs, write_runs,

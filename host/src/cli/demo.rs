@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use shared::model::NOMINAL;
 
+use super::triad::{self, Made};
 use super::{Command, Console, positive, refuse_campaign};
 use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
@@ -20,7 +21,7 @@ const HIGHEST_HZ: f64 = 480.0;
 
 /// Measure an accelerometer on the virtual bench through the firmware itself, and report: no hardware needed
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  vre demo --out vre-demo --seed 7")]
+#[command(after_help = "Examples:\n  vre demo --out vre-demo --seed 7\n  vre demo --triad --out vre-demo-triad")]
 pub struct Demo {
     /// Folder for the campaign with its record, the results as JSON and report.html
     #[arg(long, value_name = "DIR", default_value = "vre-demo")]
@@ -34,10 +35,15 @@ pub struct Demo {
     /// Standard uncertainty of a dial mark and of the base's level, arcsec
     #[arg(long, value_name = "ARCSEC", default_value_t = 5.8, value_parser = positive)]
     dial_sigma: f64,
+    #[command(flatten)]
+    made: Made,
 }
 
 impl Command for Demo {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if self.made.triad {
+            return triad::demo(&self.out, &self.made.session(self.seed), console);
+        }
         let specification = Specification::with_dial_sigma(self.dial_sigma);
         let mut bench = VirtualBench::new(Seed(self.seed), self.plan, specification, Vec::new());
         bench.plan.runs.retain(|run| run.f_hi_hz <= HIGHEST_HZ);

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Command, Console, RowName, read_campaign};
+use super::{Command, Console, RowName, read_campaign, triad};
+use crate::campaign::is_triad;
 use crate::contradictions;
 use crate::diagnose::diagnose;
 use crate::error::Error;
@@ -33,6 +34,12 @@ pub struct Diagnose {
 
 impl Command for Diagnose {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if is_triad(&self.campaign) {
+            if !self.without.is_empty() || !self.exclude.is_empty() || self.html.is_some() {
+                return Err(Error::Usage("a triad is diagnosed without --without, --exclude and --html; `vre report` writes its page".into()));
+            }
+            return triad::diagnose(&self.campaign, console);
+        }
         let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
         let accepted = self.accept_contradictions;
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {

@@ -8,9 +8,10 @@ use serde::Serialize;
 use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
-use super::{Command, Console, RowName, read_campaign};
+use super::{Command, Console, RowName, read_campaign, triad};
 use crate::diagnose::answer::{NoiseFactor, SuspectRow};
 use crate::diagnose::{StaticTest, static_test};
+use crate::campaign::is_triad;
 use crate::error::Error;
 use crate::report;
 use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
@@ -47,6 +48,18 @@ struct Answer<'a> {
 
 impl Command for Identify {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if is_triad(&self.campaign) {
+            if self.prior_sigma.is_some()
+                || self.method != Method::LeastSquares
+                || !self.exclude.is_empty()
+            {
+                return Err(Error::Usage(
+                    "a triad takes neither --prior-sigma nor --exclude nor another --method; state cross_coupling_sigma_per_g in campaign.toml"
+                        .into(),
+                ));
+            }
+            return triad::identify(&self.campaign, console);
+        }
         let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
         let mut judged = static_test(&campaign);
         // The closed formulas need every reading of the plan, and know no uncertainty of one.

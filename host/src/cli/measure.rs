@@ -71,15 +71,16 @@ fn scale(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Unit of a column of time.
 #[derive(Clone, Copy, clap::ValueEnum)]
-enum TimeUnit {
+pub(super) enum TimeUnit {
     S,
     Ms,
     Us,
 }
 
 impl TimeUnit {
-    fn per_second(self) -> f64 {
+    pub(super) fn per_second(self) -> f64 {
         match self {
             Self::S => 1.0,
             Self::Ms => 1e3,

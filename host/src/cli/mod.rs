@@ -4,6 +4,7 @@
 //! `commands!`.
 
 mod console;
+mod triad;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -56,6 +57,7 @@ commands! {
     plan::Plan,
     predict::Predict,
     report::Report,
+    rests::Rests,
     simulate::Simulate,
     unseal::Unseal,
     verify::Verify,
@@ -180,7 +182,13 @@ fn read_campaign(folder: &Path, without: &[RowName], console: &Console) -> Resul
 }
 
 /// Files by which a folder holds a campaign.
-const CAMPAIGN_FILES: [&str; 4] = ["campaign.toml", "static.csv", "vibration.csv", RECORD];
+const CAMPAIGN_FILES: [&str; 5] = [
+    "campaign.toml",
+    "static.csv",
+    "positions.csv",
+    "vibration.csv",
+    RECORD,
+];
 
 /// A folder that holds a campaign is not written into; `hint` tells what else can be done than to name another.
 fn refuse_campaign(folder: &Path, hint: &str) -> Result<(), Error> {

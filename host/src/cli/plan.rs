@@ -11,23 +11,25 @@ use shared::tumble::{ARCSEC_RAD, Position, full_rank_plan, paper_plan};
 use shared::vibration::{Harmonic, Moments, Random};
 
 use super::identify::{condition, sum};
-use super::{Command, Console, positive, read_campaign};
-use crate::campaign::read_plan;
+use super::{Command, Console, positive, read_campaign, triad};
+use crate::campaign::{is_triad, read_plan};
 use crate::error::Error;
 use crate::statics::DEFAULT_PRIOR_SIGMA;
 use crate::statics::{
     self, Assessment, Conditions, Environment, NAMES, assess, best_plan, positions_to_add,
     twice_and_remounted,
 };
+use crate::triad::coverage::spiral;
 
 /// Tell what a plan of dial positions can and cannot tell: rank, blind directions, uncertainty of the predicted VRE
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     vre plan paper --vibration random:1 --dial-sigma 5.8\n  \
     vre plan full --vibration sine:5 --vibration random:2 --a0 0.5 --best 80\n  \
-    vre plan campaigns/S01000 --vibration random:1")]
+    vre plan campaigns/S01000 --vibration random:1\n  \
+    vre plan hand --direction 1,1,1 --vibration random:1")]
 pub struct Plan {
-    /// `paper` (24 positions), `full` (40, full rank), a CSV file with the columns series, dial_deg and mount_deg
+    /// `paper` (24 positions), `full` (40, full rank), `hand` (a triad in 80 orientations by hand), a CSV file with the columns series, dial_deg and mount_deg
     /// (optional), or a campaign folder, whose stated uncertainties then hold
     plan: String,
     /// Vibration in which the error is to be predicted, KIND:LEVEL, `sine:` peak or `random:` rms in g; repeatable
@@ -168,6 +170,9 @@ const MOST_ADDITIONS: usize = 8;
 
 impl Command for Plan {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if self.plan == BY_HAND || is_triad(Path::new(&self.plan)) {
+            return self.of_triad(console);
+        }
         let (plan, conditions) = self.plan_and_conditions(console)?;
         let environments = self.environments();
         let fail = |error| Error::Usage(format!("{}: {error}", self.plan));
@@ -216,7 +221,36 @@ impl Command for Plan {
     }
 }
 
+/// The plan of a triad that is held by hand.
+const BY_HAND: &str = "hand";
+/// Its orientations.
+const BY_HAND_POSITIONS: usize = 80;
+
 impl Plan {
+    /// Orientations of a triad: those of a campaign, or an even cover of the sphere.
+    fn of_triad(&self, console: &Console) -> Result<(), Error> {
+        if self.best.is_some() {
+            return Err(Error::Usage("--best is for a dividing head, not for a triad".into()));
+        }
+        let (directions, mut conditions) = match self.plan.as_str() {
+            BY_HAND => {
+                let conditions = triad::conditions_by_hand();
+                (spiral(BY_HAND_POSITIONS), conditions)
+            }
+            folder => triad::plan_of(Path::new(folder))?,
+        };
+        if let Some(noise_g) = self.noise {
+            conditions.noise_g = noise_g;
+        }
+        let environment = |vibration: &Vibration| {
+            let along_g = self.direction.map(|cosine| cosine * vibration.level_g);
+            let moments = triad::moments(vibration.sine, along_g);
+            (vibration.text.clone(), moments, [self.a0, 0.0, 0.0])
+        };
+        let environments: Vec<_> = self.vibration.iter().map(environment).collect();
+        triad::plan(&directions, &conditions, &environments, console)
+    }
+
     fn plan_and_conditions(&self, console: &Console) -> Result<(Vec<Position>, Conditions), Error> {
         let arcsec = |angle: f64| angle * ARCSEC_RAD;
         let dial_sigma_rad = arcsec(self.dial_sigma.unwrap_or(5.8));

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::{Command, Console, RowName, read_campaign};
-use crate::campaign::{Run, read_runs};
+use super::{Command, Console, RowName, read_campaign, triad};
+use crate::campaign::{Run, is_triad, read_runs};
 use crate::contradictions;
 use crate::diagnose::Diagnosis;
 use crate::error::Error;
@@ -42,6 +42,14 @@ pub struct Predict {
 
 impl Command for Predict {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if is_triad(&self.campaign) {
+            if self.prior_sigma.is_some() || self.diagnosis.is_some() || !self.exclude.is_empty() {
+                return Err(Error::Usage(
+                    "a triad takes neither --prior-sigma nor --diagnosis nor --exclude; state cross_coupling_sigma_per_g in campaign.toml".into(),
+                ));
+            }
+            return triad::predict(&self.campaign, self.runs.as_deref(), console);
+        }
         let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
         let accepted = self.accept_contradictions;
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {

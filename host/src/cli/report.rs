@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Command, Console, read_campaign};
+use super::{Command, Console, read_campaign, triad};
+use crate::campaign::is_triad;
 use crate::error::Error;
 use crate::report;
 
@@ -19,6 +20,9 @@ pub struct Report {
 
 impl Command for Report {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if is_triad(&self.campaign) {
+            return triad::report(&self.campaign, &self.out, console);
+        }
         let campaign = read_campaign(&self.campaign, &[], console)?;
         let report = report::write(&campaign, &self.out)?;
         console.print(format!(

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
 
+use super::triad::{self, Made};
 use super::{Command, Console, positive, refuse_campaign};
 use crate::bench::effects;
 use crate::bench::noise::Seed;
@@ -23,7 +24,8 @@ const SEALED: &str = "sealed";
 #[command(after_help = "Examples:\n  \
     vre simulate --out campaigns/V00007 --seed 7\n  \
     vre simulate --out campaigns/shaky --effect fixture-resonance --strength 3\n  \
-    vre simulate --out campaigns/faint --effect sextic --visibility 30")]
+    vre simulate --out campaigns/faint --effect sextic --visibility 30\n  \
+    vre simulate --out campaigns/T00007 --triad --seed 7")]
 pub struct Simulate {
     /// Folder for campaign.toml, static.csv, vibration.csv, holdout.csv and truth.json
     #[arg(long, value_name = "DIR")]
@@ -52,10 +54,22 @@ pub struct Simulate {
     /// in units of everything else that is uncertain (below 3 nobody can see it)
     #[arg(long, value_name = "V", value_parser = positive, conflicts_with = "strength")]
     visibility: Option<f64>,
+    #[command(flatten)]
+    made: Made,
 }
 
 impl Command for Simulate {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if self.made.triad {
+            if !self.effect.is_empty() {
+                return Err(Error::Usage("a triad is simulated without an --effect".into()));
+            }
+            if !self.force {
+                refuse_campaign(&self.out, ", or say --force")?;
+            }
+            let session = self.made.session(self.seed.unwrap_or(1));
+            return triad::simulate(&self.out, &session, console);
+        }
         let sealed = self.effect.iter().any(|id| id == SEALED);
         let alone = self.effect.len() == 1 && self.seed.is_none() && self.strength.is_none();
         if sealed && !alone {

@@ -11,6 +11,7 @@ mod page;
 mod plot;
 mod remarks;
 pub mod text;
+pub mod triad;
 
 use std::fs;
 use std::path::Path;

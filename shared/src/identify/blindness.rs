@@ -40,16 +40,16 @@ pub const LEAST_GAIN: f64 = 1.0 / 3.0;
 /// What such a coefficient shares with the direction stays in its variance.
 pub const NEGLIGIBLE: f64 = 0.03;
 
-/// What a static test determines.
+/// What a static test determines of N coefficients: those of one instrument, or of several together.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Visibility<T> {
-    /// Number of directions in coefficient space that are determined, 0 ..= 11.
+pub struct Visibility<T, const N: usize = NOMINAL> {
+    /// Number of directions in coefficient space that are determined, 0 ..= N.
     pub rank: usize,
-    /// Ratio of the largest to the smallest of the eleven singular values of the positions' design matrix; beyond
+    /// Ratio of the largest to the smallest of the singular values of the positions' design matrix; beyond
     /// [`DEFICIENT_CONDITION`] (or infinite) for positions of deficient rank.
     pub condition: T,
     /// Orthonormal blind directions in the rows from `rank` on.
-    blind: [[T; NOMINAL]; NOMINAL],
+    blind: [[T; N]; N],
 }
 
 impl<T: Real> Visibility<T> {
@@ -62,16 +62,33 @@ impl<T: Real> Visibility<T> {
         beforehand: &[T; NOMINAL],
         condition: T,
     ) -> Self {
-        // In units of the standard deviations beforehand the singular values are the gains.
         let unit = beforehand.map(|sigma| sigma * scale_v_per_g);
+        Self::beside(triangle, &unit, &[], Some(condition))
+    }
+}
+
+impl<T: Real, const N: usize> Visibility<T, N> {
+    /// Judges readings by their information: `triangle` is the upper triangular factor of whitened rows on N unknowns,
+    /// `unit` their standard deviations beforehand. Directions of `named`, orthonormal, stand first among the blind ones
+    /// if they are blind; the others are what is left of the blind space. The `condition` is that of the positions if it is known,
+    /// else the ratio of largest to smallest gain.
+    pub fn beside(
+        triangle: &[[T; N]; N],
+        unit: &[T; N],
+        named: &[[T; N]],
+        condition: Option<T>,
+    ) -> Self {
+        // In units of the standard deviations beforehand the singular values are the gains.
         let scaled = triangle.map(|row| core::array::from_fn(|k| row[k] * unit[k]));
         let (gains, directions) = singular_values(scaled);
         let least = (gains[0] * T::epsilon() * T::lit(64.0)).max(T::lit(LEAST_GAIN));
         let rank = gains.iter().filter(|gain| **gain >= least).count();
         let mut blind = directions;
-        for direction in &mut blind[rank..] {
+        let told = lead_with(&mut blind[rank..], unit, named);
+        let rest = &mut blind[rank + told..];
+        for direction in rest.iter_mut() {
             let negligible = T::lit(NEGLIGIBLE);
-            let length = (0..NOMINAL)
+            let length = (0..N)
                 .fold(T::zero(), |sum, k| sum + (direction[k] * unit[k]).powi(2))
                 .sqrt();
             *direction = core::array::from_fn(|k| {
@@ -84,15 +101,24 @@ impl<T: Real> Visibility<T> {
         orthonormalise(&mut blind[rank..]);
         Self {
             rank,
-            condition,
+            condition: condition.unwrap_or(gains[0] / gains[N - 1]),
             blind,
+        }
+    }
+
+    /// Nothing is blind.
+    pub fn full(condition: T) -> Self {
+        Self {
+            rank: N,
+            condition,
+            blind: [[T::zero(); N]; N],
         }
     }
 
     /// The directions that are blind, as unit vectors with the largest component positive. Components in the order of
     /// [`Coefficients::to_nominal`](crate::model::Coefficients::to_nominal), the first for K1, the others for K1 times
     /// the coefficient.
-    pub fn blind_directions(&self) -> &[[T; NOMINAL]] {
+    pub fn blind_directions(&self) -> &[[T; N]] {
         &self.blind[self.rank..]
     }
 
@@ -104,8 +130,49 @@ impl<T: Real> Visibility<T> {
     }
 }
 
+/// Least part of a named direction that must lie in the blind space for the direction to be blind. Chosen: between what a
+/// direction shares with the space by rounding and a half.
+const WITHIN: f64 = 0.99;
+
+/// Puts those of `named` (orthonormal, in units of the unknowns) that lie in the space of `blind` (orthonormal in terms of
+/// `unit`) first, as they are; what follows them spans the rest, in terms of `unit` again. How many were put first.
+fn lead_with<T: Real, const N: usize>(
+    blind: &mut [[T; N]],
+    unit: &[T; N],
+    named: &[[T; N]],
+) -> usize {
+    let mut told = 0;
+    let mut kept = [false; N];
+    for (direction, kept) in named.iter().zip(&mut kept) {
+        let scaled: [T; N] = core::array::from_fn(|k| direction[k] / unit[k]);
+        let length = dot(&scaled, &scaled).sqrt();
+        let scaled = scaled.map(|x| x / length);
+        let mut most = (told, T::zero());
+        let mut within = T::zero();
+        for (k, other) in blind.iter().enumerate().skip(told) {
+            let share = dot(other, &scaled).abs();
+            within += share * share;
+            if share > most.1 {
+                most = (k, share);
+            }
+        }
+        *kept = within.sqrt() >= T::lit(WITHIN);
+        if *kept {
+            blind.swap(told, most.0);
+            blind[told] = scaled;
+            orthonormalise(&mut blind[told..]);
+            told += 1;
+        }
+    }
+    let kept = named.iter().zip(kept).filter(|(_, kept)| *kept);
+    for (to, (direction, _)) in blind.iter_mut().zip(kept) {
+        *to = *direction;
+    }
+    told
+}
+
 /// Gram-Schmidt, twice over for the sake of rounding.
-fn orthonormalise<T: Real>(vectors: &mut [[T; NOMINAL]]) {
+fn orthonormalise<T: Real, const N: usize>(vectors: &mut [[T; N]]) {
     for k in 0..vectors.len() {
         let (before, rest) = vectors.split_at_mut(k);
         let vector = &mut rest[0];

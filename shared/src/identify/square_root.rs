@@ -187,6 +187,44 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> TriangularFactor<T, S> {
     }
 }
 
+/// P C P with the projection P = 1 - d d^T: the covariance C without its part along the unit vector d.
+pub(crate) fn leave_out<T: Real, const N: usize>(c: &mut [[T; N]; N], d: &[T; N]) {
+    let dot = |x: &[T; N]| x.iter().zip(d).fold(T::zero(), |s, (x, d)| s + *x * *d);
+    let along: [T; N] = core::array::from_fn(|k| dot(&c[k]));
+    let both = dot(&along);
+    for i in 0..N {
+        for j in 0..N {
+            c[i][j] += both * d[i] * d[j] - along[i] * d[j] - d[i] * along[j];
+        }
+    }
+}
+
+/// (R^T R)^-1 of an upper triangle of full rank.
+pub(crate) fn inverse_square<T: Real, const N: usize>(r: &[[T; N]; N]) -> [[T; N]; N] {
+    let mut inverse = [[T::zero(); N]; N];
+    for column in 0..N {
+        for k in (0..=column).rev() {
+            let mut sum = if k == column { T::one() } else { T::zero() };
+            for j in k + 1..=column {
+                sum -= r[k][j] * inverse[j][column];
+            }
+            inverse[k][column] = sum / r[k][k];
+        }
+    }
+    let mut square = [[T::zero(); N]; N];
+    for i in 0..N {
+        for j in 0..=i {
+            let mut sum = T::zero();
+            for k in i..N {
+                sum += inverse[i][k] * inverse[j][k];
+            }
+            square[i][j] = sum;
+            square[j][i] = sum;
+        }
+    }
+    square
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -17,7 +17,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::identify::blindness::{BEFOREHAND, Design, Visibility};
-use crate::identify::square_root::{FactorError, TriangularFactor, storage_len};
+use crate::identify::square_root::{
+    FactorError, TriangularFactor, inverse_square, leave_out, storage_len,
+};
 use crate::model::{Coefficients, NOMINAL, SpecificForce, terms};
 use crate::scalar::Real;
 use crate::tumble::{Position, Series, within_a_turn};
@@ -512,44 +514,6 @@ fn scaled<T: Real>(a: SpecificForce<T>, factor: T) -> SpecificForce<T> {
 
 fn inner<T: Real>(x: SpecificForce<T>, y: SpecificForce<T>) -> T {
     x.i * y.i + x.p * y.p + x.o * y.o
-}
-
-/// P C P with the projection P = 1 - d d^T: the covariance C without its part along the unit vector d.
-fn leave_out<T: Real>(c: &mut [[T; NOMINAL]; NOMINAL], d: &[T; NOMINAL]) {
-    let dot = |x: &[T; NOMINAL]| x.iter().zip(d).fold(T::zero(), |s, (x, d)| s + *x * *d);
-    let along: [T; NOMINAL] = core::array::from_fn(|k| dot(&c[k]));
-    let both = dot(&along);
-    for i in 0..NOMINAL {
-        for j in 0..NOMINAL {
-            c[i][j] += both * d[i] * d[j] - along[i] * d[j] - d[i] * along[j];
-        }
-    }
-}
-
-/// (R^T R)^-1 of an upper triangle of full rank.
-fn inverse_square<T: Real>(r: &[[T; NOMINAL]; NOMINAL]) -> [[T; NOMINAL]; NOMINAL] {
-    let mut inverse = [[T::zero(); NOMINAL]; NOMINAL];
-    for column in 0..NOMINAL {
-        for k in (0..=column).rev() {
-            let mut sum = if k == column { T::one() } else { T::zero() };
-            for j in k + 1..=column {
-                sum -= r[k][j] * inverse[j][column];
-            }
-            inverse[k][column] = sum / r[k][k];
-        }
-    }
-    let mut square = [[T::zero(); NOMINAL]; NOMINAL];
-    for i in 0..NOMINAL {
-        for j in 0..=i {
-            let mut sum = T::zero();
-            for k in i..NOMINAL {
-                sum += inverse[i][k] * inverse[j][k];
-            }
-            square[i][j] = sum;
-            square[j][i] = sum;
-        }
-    }
-    square
 }
 
 /// From (K1, K1 k0, K1 k1', ...) to the coefficients, with the covariance.
