@@ -21,7 +21,9 @@ const HIGHEST_HZ: f64 = 480.0;
 
 /// Measure an accelerometer on the virtual bench through the firmware itself, and report: no hardware needed
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  vre demo --out vre-demo --seed 7\n  vre demo --triad --out vre-demo-triad")]
+#[command(
+    after_help = "Examples:\n  vre demo --out vre-demo --seed 7\n  vre demo --triad --out vre-demo-triad"
+)]
 pub struct Demo {
     /// Folder for the campaign with its record, the results as JSON and report.html
     #[arg(long, value_name = "DIR", default_value = "vre-demo")]

@@ -230,7 +230,9 @@ impl Plan {
     /// Orientations of a triad: those of a campaign, or an even cover of the sphere.
     fn of_triad(&self, console: &Console) -> Result<(), Error> {
         if self.best.is_some() {
-            return Err(Error::Usage("--best is for a dividing head, not for a triad".into()));
+            return Err(Error::Usage(
+                "--best is for a dividing head, not for a triad".into(),
+            ));
         }
         let (directions, mut conditions) = match self.plan.as_str() {
             BY_HAND => {

@@ -20,7 +20,12 @@ pub struct Rests {
     /// A CSV table of samples
     record: PathBuf,
     /// Columns of the outputs x, y, z
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', default_value = "u_x_v,u_y_v,u_z_v")]
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        default_value = "u_x_v,u_y_v,u_z_v"
+    )]
     column: Vec<String>,
     /// Column of the time
     #[arg(long, value_name = "NAME", default_value = "time_s")]

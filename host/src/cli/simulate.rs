@@ -62,7 +62,9 @@ impl Command for Simulate {
     fn run(self, console: &Console) -> Result<(), Error> {
         if self.made.triad {
             if !self.effect.is_empty() {
-                return Err(Error::Usage("a triad is simulated without an --effect".into()));
+                return Err(Error::Usage(
+                    "a triad is simulated without an --effect".into(),
+                ));
             }
             if !self.force {
                 refuse_campaign(&self.out, ", or say --force")?;
