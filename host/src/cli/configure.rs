@@ -8,18 +8,19 @@ use serde::Serialize;
 use shared::compensate::{self, Calibration};
 use shared::model::FURTHER;
 use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
-use shared::wire::configuration::Configuration;
+use shared::stated_errors::StatedErrors;
+use shared::wire::configuration::{Certified, Configuration, Provenance};
 use shared::wire::message::StoreFault;
 
 use super::{Command, Console, positive};
 use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
-use crate::configuration::configuration;
+use crate::configuration::{configuration, provenance};
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::error::Error;
 use crate::identification::{Method, NAMES, identify};
 use crate::link::{Kept, Link};
-use crate::source::SerialSource;
+use crate::source::{BAUD, SerialSource};
 
 /// Give an instrument the coefficients of a campaign to compensate its vibration error with, which it keeps; or show or erase
 /// what it keeps
@@ -40,9 +41,15 @@ pub struct Configure {
     /// The instrument's serial port
     #[arg(long, value_name = "DEV")]
     port: PathBuf,
+    /// Speed of the line
+    #[arg(long, value_name = "BAUD", default_value_t = BAUD)]
+    baud: u32,
     /// Compensate no longer, and keep nothing
     #[arg(long)]
     erase: bool,
+    /// Also where it keeps the coefficients of another instrument
+    #[arg(long)]
+    force: bool,
     /// By a block's moments or point by point
     #[arg(long, value_enum, default_value = "block")]
     mode: Mode,
@@ -58,6 +65,49 @@ pub struct Configure {
     /// Scale of the reference at the converter, V/g
     #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = positive)]
     reference: f64,
+    #[command(flatten)]
+    errors: Errors,
+}
+
+/// Standard uncertainties that no campaign determines; they widen what each compensated block states.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Standard uncertainties that no campaign determines")]
+struct Errors {
+    /// Change of the scale factor, from the middle of the campaign's temperatures on
+    #[arg(long, value_name = "PPM/K", default_value_t = 0.0, value_parser = not_negative)]
+    scale_per_k: f64,
+    /// Change of the scale factor until the next calibration
+    #[arg(long, value_name = "PPM", default_value_t = 0.0, value_parser = not_negative)]
+    scale_drift: f64,
+    /// Change of the bias, from the middle of the campaign's temperatures on
+    #[arg(long, value_name = "MICROG/K", default_value_t = 0.0, value_parser = not_negative)]
+    bias_per_k: f64,
+    /// Change of the bias until the next calibration
+    #[arg(long, value_name = "MICROG", default_value_t = 0.0, value_parser = not_negative)]
+    bias_drift: f64,
+    /// Nonlinearity of the converter, of full scale; the ADS131M04's is 6 ppm typically
+    #[arg(long, value_name = "PPM", default_value_t = 6.0, value_parser = not_negative)]
+    converter_nonlinearity: f64,
+}
+
+impl Errors {
+    fn stated(&self) -> StatedErrors<f32> {
+        let millionths = |x: f64| (x * 1e-6) as f32;
+        StatedErrors {
+            scale_factor_per_k: millionths(self.scale_per_k),
+            scale_factor_drift: millionths(self.scale_drift),
+            bias_g_per_k: millionths(self.bias_per_k),
+            bias_drift_g: millionths(self.bias_drift),
+            converter_nonlinearity: millionths(self.converter_nonlinearity),
+        }
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+        _ => Err("is not a finite number of at least zero".into()),
+    }
 }
 
 /// Names of the further coefficients, as [`NAMES`] has those of the nominal ones.
@@ -78,14 +128,14 @@ enum Source {
 /// What `--json` gets.
 #[derive(Serialize)]
 struct Shown {
-    configuration: Option<Configuration>,
+    certified: Option<Certified>,
     writes: u32,
     fault: Option<StoreFault>,
 }
 
 impl Configure {
-    fn wanted(&self, campaign: &Path) -> Result<Configuration, Error> {
-        let campaign = Campaign::read(campaign)?;
+    fn wanted(&self, folder: &Path) -> Result<Certified, Error> {
+        let campaign = Campaign::read(folder)?;
         let known = match &self.diagnosis {
             Some(file) => diagnosed(file, &campaign)?,
             None => identify(&campaign, Method::LeastSquares, None)?.calibration(),
@@ -102,7 +152,11 @@ impl Configure {
             Source::Reference => compensate::Source::Reference,
             Source::Instrument => compensate::Source::Instrument,
         };
-        let wanted = configuration(&known, &front_end, mode, source, self.block);
+        let wanted = Certified {
+            configuration: configuration(&known, &front_end, mode, source, self.block),
+            provenance: Some(provenance(folder, &campaign)?),
+            errors: self.errors.stated(),
+        };
         if wanted.is_possible() {
             Ok(wanted)
         } else {
@@ -143,6 +197,37 @@ fn diagnosed(file: &Path, campaign: &Campaign) -> Result<Calibration<f64>, Error
     }
 }
 
+/// As it was sent: the instrument adds by which firmware it was accepted.
+fn unaccepted(certified: Certified) -> Certified {
+    Certified {
+        provenance: certified.provenance.map(|known| Provenance {
+            accepted_by: None,
+            ..known
+        }),
+        ..certified
+    }
+}
+
+impl Configure {
+    /// Refuses to put the coefficients of one accelerometer in the place of another's.
+    fn same_instrument(
+        &self,
+        wanted: Option<&Certified>,
+        kept: Option<&Certified>,
+    ) -> Result<(), Error> {
+        let serial = |known: Option<&Certified>| known?.provenance.map(|known| known.serial);
+        match (serial(wanted), serial(kept)) {
+            (Some(wanted), Some(kept)) if wanted != kept => Err(Error::Usage(format!(
+                "--port {}: it keeps the coefficients of instrument {}, the campaign is of {}; --force replaces them",
+                self.port.display(),
+                kept.as_str(),
+                wanted.as_str()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
 impl Command for Configure {
     fn run(self, console: &Console) -> Result<(), Error> {
         // The campaign first: a bad one must not touch the instrument.
@@ -151,14 +236,23 @@ impl Command for Configure {
             .as_deref()
             .map(|c| self.wanted(c))
             .transpose()?;
-        let mut link = Link::unrecorded(SerialSource::open(&self.port)?)?;
-        let kept = match (wanted, self.erase) {
-            (None, false) => link.ask_configuration()?,
-            (wanted, _) => link.configure(wanted)?,
-        };
+        let mut link = Link::unrecorded(SerialSource::open(&self.port, self.baud)?)?;
+        let mut kept = link.ask_configuration()?;
+        if wanted.is_some() || self.erase {
+            if !self.force {
+                self.same_instrument(wanted.as_ref(), kept.certified.as_ref())?;
+            }
+            kept = link.replace(kept.writes, wanted)?;
+            if kept.fault.is_none() && kept.certified.map(unaccepted) != wanted {
+                return Err(Error::Link {
+                    source_name: self.port.display().to_string(),
+                    problem: "the instrument keeps something else than was sent".into(),
+                });
+            }
+        }
         console.print(text(&kept))?;
         console.json(&Shown {
-            configuration: kept.configuration,
+            certified: kept.certified,
             writes: kept.writes,
             fault: kept.fault,
         })?;
@@ -177,15 +271,38 @@ fn sigma(covariance: &Covariance<f32>, n: usize) -> String {
     format!("  sigma {:.1e}\n", covariance.get(n, n).sqrt())
 }
 
+fn provenance_text(provenance: Option<&Provenance>) -> String {
+    let Some(known) = provenance else {
+        return "Nobody says whose coefficients these are.\n".into();
+    };
+    let date = known.date;
+    let mut text = format!(
+        "Instrument {}, sent on {:04}-{:02}-{:02}",
+        known.serial.as_str(),
+        date.year,
+        date.month,
+        date.day
+    );
+    if let Some([major, minor, patch]) = known.accepted_by {
+        let _ = write!(text, ", accepted by firmware {major}.{minor}.{patch}");
+    }
+    if let Some([low, high]) = known.temperature_c {
+        let _ = write!(text, ", calibrated from {low} to {high} deg C");
+    }
+    let hash: String = known.campaign.iter().map(|b| format!("{b:02x}")).collect();
+    let _ = writeln!(text, ".\nCampaign {hash}.");
+    text
+}
+
 fn text(kept: &Kept) -> String {
-    let Some(Configuration {
-        compensation,
-        calibration,
-    }) = kept.configuration
-    else {
+    let Some(certified) = kept.certified else {
         return "The instrument keeps nothing and compensates nothing.".into();
     };
-    let mut text = String::new();
+    let Configuration {
+        compensation,
+        calibration,
+    } = certified.configuration;
+    let mut text = provenance_text(certified.provenance.as_ref());
     match compensation.mode {
         None => text.push_str("The instrument does not compensate.\n"),
         Some(mode) => {

@@ -8,9 +8,10 @@
 //! ones). With the feature `fast-crc` it comes from `crc32fast` (carry-less multiplication on the host),
 //! without it from `crc` with one table of 1 KiB (the instrument). Both give the same bytes.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-use super::version::{self, Version};
+use super::message::Message;
+use super::version::Version;
 
 /// Ends every frame and occurs nowhere inside one.
 pub const DELIMITER: u8 = 0x00;
@@ -96,13 +97,13 @@ impl Frame {
         self.bytes.get(..self.length).unwrap_or(&[])
     }
 
-    /// Packs one message under the current protocol version. On an error the frame is empty.
-    pub fn encode<M: Serialize>(&mut self, message: &M, sequence: u16) -> Result<(), EncodeError> {
+    /// Packs one message under the oldest protocol version that knows it. On an error the frame is empty.
+    pub fn encode<M: Message>(&mut self, message: &M, sequence: u16) -> Result<(), EncodeError> {
         self.length = 0;
         // The content is laid down at the end of the buffer and stuffed towards its beginning: the output
         // grows by one byte a run and so never overtakes the input.
         let content = &mut self.bytes[STUFFING..];
-        content[0] = version::CURRENT.0;
+        content[0] = message.version().0;
         content[1..HEADER].copy_from_slice(&sequence.to_le_bytes());
         let message = postcard::to_slice(message, &mut content[HEADER..HEADER + MAX_MESSAGE])
             .map_err(|_| EncodeError::TooLong)?

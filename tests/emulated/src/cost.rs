@@ -120,7 +120,7 @@ fn configuration(mode: Mode) -> Configuration {
 fn working(times: u32, mode: Option<Mode>, raw: bool) -> Result<Conversation, Error> {
     let mut host = Conversation::start(Plain::new(times * CLOCK_HZ, signal))?;
     if let Some(mode) = mode {
-        host.command(&Command::Configure(configuration(mode)))?;
+        host.replace(Some(configuration(mode).into()))?;
     }
     host.command(&Command::StreamRaw { on: raw })?;
     host.listen(Duration::from_millis(100))?;
@@ -182,7 +182,7 @@ fn self_check() -> Result<(f64, f64), Error> {
     let mut board = Emulator::start(Plain::new(CLOCK_HZ, signal))?;
     board.paint_stack()?;
     let mut host = Conversation::with_board(board)?;
-    host.command(&Command::Configure(configuration(Mode::Block)))?;
+    host.replace(Some(configuration(Mode::Block).into()))?;
     host.command(&Command::StreamRaw { on: true })?;
     let set_up = SetUp {
         bench: Bench {

@@ -88,7 +88,10 @@ fn a_campaign_over_the_uart_makes_host_and_instrument_agree_and_leaves_a_twentie
     let mut board = EmulatedBoard::start()?;
     let version = version::CURRENT;
     board.send(&Command::Hello { version })?;
-    board.send(&Command::Configure(configuration(&bench)))?;
+    board.send(&Command::Replace {
+        writes: 0,
+        certified: Some(configuration(&bench).into()),
+    })?;
     let captured = capture(&bench, &mut board, folder.path(), || {})?;
     assert_eq!(captured.campaign.readings.len(), 24);
     let tally = captured.tally;

@@ -154,10 +154,20 @@ const FLAGS: Ixr = Ixr(0x3D << (6 * STREAM_IN) | 0x3D << (6 * STREAM_OUT));
 /// The control words of the two streams as they run.
 static CONTROL: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
 
+/// Throws away a byte that a transfer left in the data register when it was broken off: it would come as the first of the
+/// next frame, and shift that one and all after it.
+#[inline]
+fn drain() {
+    if pac::SPI4.sr().read().rxne() {
+        pac::SPI4.dr().read();
+    }
+}
+
 /// Sends `OUT` and receives into `IN`.
 #[inline]
 fn begin(what: u8) {
     UNDER_WAY.store(what, Ordering::Relaxed);
+    drain();
     pac::GPIOE.bsrr().write(|w| w.0 = SELECT << 16);
     // What was written to `OUT` has to be in memory before the DMA reads it.
     fence(Ordering::SeqCst);
