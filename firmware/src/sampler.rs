@@ -477,6 +477,11 @@ impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
         }
     }
 
+    /// True while there is a conversion that [`Self::step`] will take without waiting.
+    pub fn has_fetched(&self) -> bool {
+        self.converter.has_fetched()
+    }
+
     /// Reports that wait for the line: what to wake the application for.
     pub fn waiting(&self) -> usize {
         self.sampler.waiting()

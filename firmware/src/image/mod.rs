@@ -212,6 +212,10 @@ async fn acquire(acquisition: &'static mut TheAcquisition) {
     loop {
         acquisition.step().await;
         TASKS[ACQUIRES].step();
+        // The rest once for all that was fetched together.
+        if acquisition.has_fetched() {
+            continue;
+        }
         let (count, stamp) = board::pulse();
         if count != pulses {
             pulses = count;

@@ -198,8 +198,11 @@ fn start(board: &BoardState) -> Vec<Row> {
         Row {
             name: "cause of the last reset",
             seen: format!("{cause}, start {}", board.boots),
-            wanted: "Power or Pin",
-            passed: Some(matches!(board.cause, Cause::Power | Cause::Pin)),
+            wanted: "Power, Pin, or Software after flashing",
+            passed: Some(matches!(
+                board.cause,
+                Cause::Power | Cause::Pin | Cause::Software
+            )),
         },
         Row {
             name: "clock",

@@ -113,6 +113,8 @@ impl DrdyTimers {
         clock.enable_channel(Channel::Ch4, true);
         clock.set_master_mode(MasterMode::COMPARE_PULSE);
         clock.generate_update_event();
+        // Each channel compared until here, and was equal at zero.
+        pac::TIM2.sr().write(|w| w.0 = 0);
         clock.enable_input_interrupt(Channel::Ch1, true);
         clock.enable_input_interrupt(Channel::Ch2, true);
         clock.enable_input_interrupt(Channel::Ch4, true);
