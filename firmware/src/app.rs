@@ -19,6 +19,7 @@ use shared::wire::version;
 use crate::check::Check;
 use crate::link::{Action, ApplicationEnd, Order, Report};
 use crate::sampler::Sampler;
+use crate::store::Kept;
 
 /// Answers that may wait for the line; a host that floods faster than it listens misses some, and they are counted.
 const REPLIES: usize = 8;
@@ -33,15 +34,6 @@ pub struct Keep {
     pub sequence: u16,
     /// What to write.
     pub configuration: Option<Configuration>,
-}
-
-/// What is known of the memory.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Kept {
-    /// How often it has been written; 0 when nothing is kept.
-    pub writes: u32,
-    /// Why what is kept is not what was told last.
-    pub fault: Option<StoreFault>,
 }
 
 /// The way of an order to the memory.

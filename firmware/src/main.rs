@@ -1,8 +1,8 @@
-//! The image for the NUCLEO-F429ZI. On the host there is nothing to run.
+//! The image for a board. On the host there is nothing to run.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
-mod board;
+mod boards;
 
 #[cfg(not(target_os = "none"))]
 fn main() {

@@ -21,8 +21,6 @@ use embedded_storage_async::nor_flash::NorFlash;
 use shared::wire::configuration::Configuration;
 use shared::wire::message::StoreFault;
 
-use crate::app::Kept;
-
 /// Bytes of a slot; a multiple of the flash's words, of which a sector holds a whole number.
 pub const SLOT: usize = 512;
 
@@ -36,6 +34,15 @@ const VERSION: u16 = 1;
 const CHECKSUM: usize = 4;
 
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// What is known of the memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Kept {
+    /// How often it has been written; 0 when nothing is kept.
+    pub writes: u32,
+    /// Why what is kept is not what was told last.
+    pub fault: Option<StoreFault>,
+}
 
 /// A configuration in flash of at least two sectors.
 pub struct Store<F> {

@@ -12,6 +12,7 @@
 //! | [`rectification`] | the vibration error and its derivatives by the coefficients | (2)-(9) |
 //! | [`tumble`] | the static test on a dividing head: series, dial angle, specific force | |
 //! | [`identify`] | coefficients from dial readings, with rank, blind directions, covariance | (10)-(17) |
+//! | [`channels`] | the converter's channels, and a block of samples | |
 //! | [`moments`] | streaming, mergeable moments of the converter's codes | (2) |
 //! | [`compensate`] | vibration error taken out on board | (1), (2) |
 //! | [`self_check`] | the instrument judges its own calibration | (1) |
@@ -26,6 +27,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod channels;
 pub mod compensate;
 pub mod identify;
 pub mod model;

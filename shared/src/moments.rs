@@ -17,10 +17,10 @@
 
 use core::array::from_fn;
 
+use crate::channels::{Block, BlockMoments};
 use crate::scalar::Real;
-use crate::wire;
 
-pub use crate::wire::message::CHANNELS;
+pub use crate::channels::CHANNELS;
 
 /// Samples gathered about one origin; up to 128 differences of 24-bit codes fit an `i32`.
 pub const SUB_BLOCK: usize = 64;
@@ -226,7 +226,7 @@ impl<T: Real> Moments<T> {
     /// # Errors
     /// [`MomentsError::Impossible`] for no samples at all, a sum, an extreme or a zero beyond 24-bit codes, a
     /// negative even moment, or what is not finite.
-    pub fn from_block(block: &wire::message::Block) -> Result<Self, MomentsError> {
+    pub fn from_block(block: &Block) -> Result<Self, MomentsError> {
         let wire = &block.moments;
         let n = u64::from(block.count);
         let whole = |k: usize| {
@@ -268,9 +268,9 @@ impl<T: Real> Moments<T> {
     }
 
     /// As a block carries them.
-    pub fn to_wire(&self) -> wire::message::Moments {
+    pub fn to_wire(&self) -> BlockMoments {
         let narrow = |s: T| s.to_f64() as f32;
-        wire::message::Moments {
+        BlockMoments {
             sum: self.sum,
             second: self.m2().map(narrow),
             third: self.m3().map(narrow),

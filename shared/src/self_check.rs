@@ -7,11 +7,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::channels::{Block, CHANNELS};
 use crate::identify::square_root::FactorError;
 use crate::identify::static_test::{Bench, Reading, StaticTest, StaticTestError};
 use crate::model::{Coefficients, FURTHER, NOMINAL};
 use crate::tumble::Position;
-use crate::wire::message::{Block, CHANNELS};
 
 /// Dial marks for which the instrument has room: the 24 of a full-rank plan, and their remounted ones.
 pub const MARKS: usize = 24;

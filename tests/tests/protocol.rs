@@ -2,9 +2,10 @@
 //! does not fit on the line is counted exactly.
 
 use firmware::adc::Conversion;
-use firmware::app::{App, Keep, Kept};
+use firmware::app::{App, Keep};
 use firmware::link::{MAX_ORDERS, Queues, RAW_SAMPLES};
 use firmware::sampler::Sampler;
+use firmware::store::Kept;
 use shared::compensate::{Mode, Source};
 use shared::model::FURTHER;
 use shared::rectification::Covariance;

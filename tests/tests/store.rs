@@ -2,8 +2,7 @@
 //! never a wrong configuration from a flash that went bad.
 
 use embassy_futures::block_on;
-use firmware::app::Kept;
-use firmware::store::{SLOT, Store};
+use firmware::store::{Kept, SLOT, Store};
 use host::bench::flash::{ERASURE, Fault, Flash, Power, SECTOR, SECTORS, WORD};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::message::{CHANNELS, Coefficients};
+use crate::channels::CHANNELS;
 use crate::compensate::{self, Compensator, Mode, Scaling, Source};
-use crate::model::{self, NOMINAL};
+use crate::model::{self, FURTHER, NOMINAL};
 use crate::rectification::Covariance;
 
 /// Samples in the shortest block: fewer have no moments to speak of.
@@ -34,6 +34,23 @@ pub struct Compensation {
     pub reference_v_per_g: [f32; 3],
     /// Output of the reference's channels at zero specific force, V.
     pub reference_zero_v: [f32; 3],
+}
+
+/// The coefficients of equation (1), plain.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Coefficients {
+    /// K1 (V/g), k0 (g), k1', k2 (1/g), k3 (1/g^2), k4 (1/g^3), d_OA, d_PA (rad), k_IP, k_IO, k_PO (1/g).
+    pub nominal: [f64; NOMINAL],
+    /// k5 (1/g^4), K0' (g), Koq, Kpp, Koo (1/g).
+    pub further: [f64; FURTHER],
+}
+
+impl Coefficients {
+    /// True when they are finite and the scale factor is positive.
+    pub fn is_possible(&self) -> bool {
+        let mut all = self.nominal.iter().chain(&self.further);
+        all.all(|c| c.is_finite()) && self.nominal[0] > 0.0
+    }
 }
 
 /// Coefficients with their uncertainty.

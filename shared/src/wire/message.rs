@@ -10,11 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::configuration::Configuration;
 use super::version::Version;
 use crate::compensate::Quality;
-use crate::model::{FURTHER, NOMINAL};
 use crate::self_check::{Outcome, SetUp};
 
-/// Simultaneous channels of the converter: 0 the instrument, 1 to 3 the reference's I, P and O.
-pub const CHANNELS: usize = 4;
+pub use super::configuration::Coefficients;
+pub use crate::channels::{Block, BlockMoments as Moments, CHANNELS, Plateau, Run, Segment};
 
 /// Bytes of one four-channel sample in [`Raw::codes`].
 pub const SAMPLE: usize = 3 * CHANNELS;
@@ -137,43 +136,6 @@ pub struct Position {
     pub approach: Approach,
 }
 
-/// One plateau of a shaker run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Run {
-    /// Number of the run, the column `run` of `vibration.csv`.
-    pub run: u32,
-    /// Which plateau.
-    pub plateau: Plateau,
-}
-
-/// The three plateaus of a shaker run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Plateau {
-    /// Standing still, before.
-    Before,
-    /// Vibrating.
-    During,
-    /// Standing still, after.
-    After,
-}
-
-/// The coefficients of equation (1), plain.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Coefficients {
-    /// K1 (V/g), k0 (g), k1', k2 (1/g), k3 (1/g^2), k4 (1/g^3), d_OA, d_PA (rad), k_IP, k_IO, k_PO (1/g).
-    pub nominal: [f64; NOMINAL],
-    /// k5 (1/g^4), K0' (g), Koq, Kpp, Koo (1/g).
-    pub further: [f64; FURTHER],
-}
-
-impl Coefficients {
-    /// True when they are finite and the scale factor is positive.
-    pub fn is_possible(&self) -> bool {
-        let mut all = self.nominal.iter().chain(&self.further);
-        all.all(|c| c.is_finite()) && self.nominal[0] > 0.0
-    }
-}
-
 /// Who the instrument is and how its codes become volts: `code * reference_v / gain / 2^23`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
@@ -193,57 +155,6 @@ pub struct Identity {
     pub gains: [u8; CHANNELS],
     /// Samples in a full block.
     pub block_samples: u16,
-}
-
-/// What the samples belong to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Segment {
-    /// Nothing that anyone asked for.
-    #[default]
-    Idle,
-    /// The reading of that number.
-    Reading(u32),
-    /// A plateau of a shaker run.
-    Run(Run),
-}
-
-/// Moments of the samples `first_sample .. first_sample + count + lost`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Block {
-    /// What the samples belong to.
-    pub segment: Segment,
-    /// Index of the block's first sample.
-    pub first_sample: u64,
-    /// Samples that the moments are of.
-    pub count: u32,
-    /// Conversions of this stretch that were lost.
-    pub lost: u32,
-    /// Their moments.
-    pub moments: Moments,
-}
-
-/// Moments of a block, in codes. The sums are exact, so that blocks merge without any loss in the mean; the
-/// central moments divide by the count and are about the block's own mean.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Moments {
-    /// Sum of the codes.
-    pub sum: [i64; CHANNELS],
-    /// Second central moment, codes^2.
-    pub second: [f32; CHANNELS],
-    /// Third central moment, codes^3.
-    pub third: [f32; CHANNELS],
-    /// Fourth central moment, codes^4.
-    pub fourth: [f32; CHANNELS],
-    /// Central cross-moments, codes^2, of the channels 0-1, 0-2, 0-3, 1-2, 1-3, 2-3.
-    pub cross: [f32; 6],
-    /// Smallest code.
-    pub minimum: [i32; CHANNELS],
-    /// Largest code.
-    pub maximum: [i32; CHANNELS],
-    /// The codes of zero specific force; [`Command::SetCoefficients`] tells them.
-    pub zero: [i32; CHANNELS],
-    /// Sum of the codes' distances from [`Self::zero`].
-    pub modulus: [u64; CHANNELS],
 }
 
 /// Specific force over the samples `first_sample .. first_sample + count + lost`, freed of vibration error.

@@ -25,7 +25,7 @@ use embedded_hal::spi::ErrorKind;
 use firmware::adc::bus::{FetchError, Fetched, FrameBus, FrameError, open};
 use firmware::adc::count::{Edge, Timers};
 use firmware::adc::frame::{ChecksumError, FRAME, NULL, Response};
-use shared::wire::message::CHANNELS;
+use shared::channels::CHANNELS;
 
 use super::drdy::{self, DrdyTimers};
 
@@ -137,7 +137,7 @@ const EXCHANGE: u8 = 2;
 static SOUND: AtomicBool = AtomicBool::new(false);
 
 /// The acquisition, while it waits.
-pub static WAKER: AtomicWaker = AtomicWaker::new();
+static WAKER: AtomicWaker = AtomicWaker::new();
 
 const STREAM_IN: usize = 0;
 const STREAM_OUT: usize = 1;
@@ -186,9 +186,21 @@ fn begin_conversion() {
     begin(CONVERSION);
 }
 
+/// DRDY fell, or a deadline has passed.
+#[interrupt]
+fn TIM2() {
+    let flags = drdy::take_flags();
+    if flags.edge {
+        on_edge();
+    }
+    if flags.deadline {
+        WAKER.wake();
+    }
+}
+
 /// DRDY fell.
 #[inline]
-pub fn on_edge() {
+fn on_edge() {
     let free = UNDER_WAY.load(Ordering::Relaxed) == NOTHING;
     // A pin that is high again was disturbed; its edge counts among those of the next conversion.
     if free && RUNS.load(Ordering::Relaxed) && drdy::is_low() {

@@ -1,11 +1,10 @@
-//! DRDY on TIM2 and TIM5: every falling edge is counted and stamped in hardware and starts the conveyor's frame.
+//! DRDY on TIM2 and TIM5: every falling edge is counted and stamped in hardware.
 //!
 //! TIM2 runs at 1 MHz and captures the falling edges on PA0. Each capture sends a trigger pulse, and TIM5 counts
 //! these pulses, so that count and stamp hold however late the software is. TIM2's second channel ends a wait: [`Deadline`].
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
-use embassy_stm32::interrupt;
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::{PA0, TIM2, TIM5};
 use embassy_stm32::time::Hertz;
@@ -16,25 +15,29 @@ use embassy_stm32::timer::low_level::{
 use embassy_stm32::timer::{Ch1, Channel};
 use firmware::adc::count::{Edge, Timers};
 
-use super::bus;
-
 /// Ticks of TIM2.
 const CLOCK: Hertz = Hertz(1_000_000);
 
 const CAPTURE: usize = 0;
 const COMPARE: usize = 1;
 
-/// An edge came, or it is time.
-#[interrupt]
-fn TIM2() {
+/// What TIM2's interrupt is about; reading it takes it away.
+pub struct Flags {
+    /// DRDY fell.
+    pub edge: bool,
+    /// A [`Deadline`] has passed.
+    pub deadline: bool,
+}
+
+/// Takes what TIM2's interrupt is about.
+#[inline]
+pub fn take_flags() -> Flags {
     let flags = pac::TIM2.sr().read();
     // Cleared by writing zeros; what comes in between stays.
     pac::TIM2.sr().write(|w| w.0 = !flags.0);
-    if flags.ccif(CAPTURE) {
-        bus::on_edge();
-    }
-    if flags.ccif(COMPARE) {
-        bus::WAKER.wake();
+    Flags {
+        edge: flags.ccif(CAPTURE),
+        deadline: flags.ccif(COMPARE),
     }
 }
 

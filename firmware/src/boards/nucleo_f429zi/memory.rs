@@ -10,8 +10,8 @@ use embassy_stm32::peripherals::{FLASH, PA12};
 use embassy_stm32::{Peri, pac};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use firmware::app::{Keep, Kept};
-use firmware::store::Store;
+use firmware::app::Keep;
+use firmware::store::{Kept, Store};
 use shared::wire::message::StoreFault;
 use static_cell::StaticCell;
 
