@@ -312,6 +312,15 @@ fn compensation_events() -> Vec<(&'static str, Event<'static>)> {
                 reason: refused,
             },
         ),
+        (
+            "fault-clock",
+            Event::Fault {
+                sample: 1000,
+                fault: Fault::Clock {
+                    clock_hz: 16_384_000,
+                },
+            },
+        ),
     ]
 }
 

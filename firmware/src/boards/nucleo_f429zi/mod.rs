@@ -160,7 +160,7 @@ async fn main(spawner: Spawner) {
     let select = Output::new(p.PE4, Level::High, Speed::VeryHigh);
     let reset = Output::new(p.PE3, Level::High, Speed::Low);
     let bus = Bus::new(spi, select, DrdyTimers::start(p.TIM2, p.TIM5, p.PA0));
-    let config = Config::default();
+    let config = Config::BUILT;
     let converter = Ads131m04::on_bus(bus, reset, config);
 
     let (to_application, to_acquisition) = QUEUES.init(Queues::new()).split();
