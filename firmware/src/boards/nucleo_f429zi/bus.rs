@@ -230,6 +230,10 @@ fn DMA2_STREAM0() {
         SOUND.store(sound, Ordering::Relaxed);
         return WAKER.wake();
     }
+    if what == NOTHING {
+        // A frame that was given up ends after all.
+        return;
+    }
     fence(Ordering::SeqCst);
     let response = open(if sound {
         Ok(get())
