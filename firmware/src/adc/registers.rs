@@ -40,9 +40,14 @@ impl Default for Config {
 }
 
 impl Config {
-    /// As the image is built: with the oversampling ratio that the environment's `VRE_OVERSAMPLING` names, 1024 where it
-    /// is not set.
-    pub const BUILT: Self = Self::at(named(option_env!("VRE_OVERSAMPLING")));
+    /// As the image is built: 16 kSPS with the feature `oversampling-256`, 32 kSPS with `oversampling-128`, else 4 kSPS.
+    pub const BUILT: Self = Self::at(if cfg!(feature = "oversampling-128") {
+        Oversampling::X128
+    } else if cfg!(feature = "oversampling-256") {
+        Oversampling::X256
+    } else {
+        Oversampling::X1024
+    });
 
     /// With the nominal clock and gain 1.
     pub const fn at(oversampling: Oversampling) -> Self {
@@ -76,24 +81,4 @@ impl Config {
         }
         settings
     }
-}
-
-/// The oversampling of that ratio; stops the build where there is none.
-const fn named(ratio: Option<&str>) -> Oversampling {
-    let Some(digits) = ratio else {
-        return Oversampling::X1024;
-    };
-    let (digits, mut number, mut k) = (digits.as_bytes(), 0, 0);
-    while k < digits.len() {
-        number = 10 * number + digits[k].wrapping_sub(b'0') as u32;
-        k += 1;
-    }
-    let (all, mut k) = (Oversampling::ALL, 0);
-    while k < all.len() {
-        if all[k].ratio() == number {
-            return all[k];
-        }
-        k += 1;
-    }
-    panic!("VRE_OVERSAMPLING is 64, 128, 256, 512, 1024, 2048, 4096, 8192 or 16384")
 }
