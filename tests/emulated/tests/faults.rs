@@ -455,7 +455,7 @@ fn an_overload_is_counted_to_the_sample() -> Result<(), Error> {
     let slow_line = overload(Rate::X256, speed)?;
     assert_eq!(slow_line.state.lost, 0);
     assert!(slow_line.state.dropped_samples > 0);
-    for (rate, slower) in [(Rate::X256, 3), (Rate::X128, 2)] {
+    for (rate, slower) in [(Rate::X256, 6), (Rate::X128, 3)] {
         let overrun = overload(rate, speed / slower)?;
         assert!(overrun.state.lost > 0, "no overload: {overrun:?}");
     }
