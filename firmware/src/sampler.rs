@@ -15,15 +15,15 @@ use crate::adc::registers::Config;
 use crate::adc::{self, Ads131m04, Conversion, Reset};
 use crate::link::{AcquisitionEnd, Action, Counters, RawSamples, Report};
 
+/// So many unreadable frames in a row lead to a new set-up: a disturbance passes, a bus or a converter out of step does
+/// not. Chosen: at a chance of 1/10 for a wrong frame one in 10^16 such rows is chance; at 4 kSPS it takes 4 ms.
+const UNREADABLE: u8 = 16;
+
 /// How long to wait before a converter that could not be set up is tried again.
 const RETRY_US: u32 = 10_000;
 
-/// Frames with a wrong checksum in a row after which the converter is reset and set up anew: 4 ms at 4 kSPS. By chance
-/// alone, at a line that spoils every second frame, that happens once in 2^16 conversions. Chosen.
-const WRONG_IN_A_ROW: u32 = 16;
-
 /// Kinds of [`Fault`].
-const TROUBLES: usize = 9;
+const TROUBLES: usize = 10;
 
 impl From<adc::Error> for Fault {
     fn from(error: adc::Error) -> Self {
@@ -40,7 +40,7 @@ impl From<adc::Error> for Fault {
                 written,
                 read,
             } => Self::Register {
-                address: register as u8,
+                address: register.address(),
                 written,
                 read,
             },
@@ -48,6 +48,7 @@ impl From<adc::Error> for Fault {
             adc::Error::Status(status) => Self::Status { read: status.0 },
             adc::Error::Overrun { lost } => Self::Overrun { lost },
             adc::Error::NoData => Self::NoData,
+            adc::Error::Clock { clock_hz } => Self::Clock { clock_hz },
         }
     }
 }
@@ -366,21 +367,16 @@ pub struct Acquisition<'q, BUS, RESET> {
     reset: Reset,
     ready: bool,
     started: bool,
-    /// Wrong checksums since the last sound conversion.
-    wrong: u32,
+    /// Frames in a row that could not be read.
+    unreadable: u8,
     /// Steps since orders were last looked for.
     unasked: u8,
 }
 
-/// Group delay of the sinc3 filter, microseconds: three moving means over the samples of a conversion, each of which delays
-/// by half of its length less one modulator cycle. From a ratio of 2048 on it is a sinc3 filter of 1024 and a mean of
-/// what that gives (data sheet SBAS890, section 8.3.6).
+/// Delay of the converter's filter, microseconds.
 pub fn filter_delay_us(config: &Config) -> f32 {
-    let modulator_us = 2e6 / config.clock_hz.max(1) as f32;
-    let ratio = config.oversampling.ratio();
-    let cubic = ratio.min(1024) as f32;
-    let mean = ratio as f32 - cubic;
-    (1.5 * (cubic - 1.0) + 0.5 * mean) * modulator_us
+    let cycles = config.oversampling.delay_clock_cycles() as f32;
+    cycles * 1e6 / config.clock_hz.max(1) as f32
 }
 
 /// So many conversions at the most are older than an order that waits for them.
@@ -396,7 +392,7 @@ impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
             reset,
             ready: false,
             started: false,
-            wrong: 0,
+            unreadable: 0,
             unasked: 0,
         }
     }
@@ -419,12 +415,12 @@ impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
         }
         match self.converter.next().await {
             Ok(conversion) => {
-                self.wrong = 0;
+                self.unreadable = 0;
                 self.sampler.take(&conversion);
             }
             Err(error) => {
                 self.sampler.fail(error, self.converter.conversions());
-                self.ready = !error.needs_initialise() && !self.is_wrong_for_ever(error);
+                self.ready = !error.needs_initialise() && !self.is_out_of_step(error);
                 if matches!(error, adc::Error::Spi(_)) {
                     // Nothing else takes time while the bus fails at once.
                     self.converter.pause_half_a_period().await;
@@ -433,18 +429,19 @@ impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
         }
     }
 
-    /// True when frames have been wrong for so long that no frame will be right by itself: bytes of it are shifted, or
+    /// True when frames have been unreadable for so long that none will be right by itself: bytes of it are shifted, or
     /// the converter has lost its settings in a way that its status does not tell.
-    fn is_wrong_for_ever(&mut self, error: adc::Error) -> bool {
-        if matches!(error, adc::Error::Checksum(_)) {
-            self.wrong += 1;
-        }
-        let wrong = self.wrong >= WRONG_IN_A_ROW;
-        if wrong {
-            self.wrong = 0;
+    fn is_out_of_step(&mut self, error: adc::Error) -> bool {
+        self.unreadable = match error {
+            adc::Error::Spi(_) | adc::Error::Checksum(_) => self.unreadable + 1,
+            _ => 0,
+        };
+        let out_of_step = self.unreadable >= UNREADABLE;
+        if out_of_step {
+            self.unreadable = 0;
             self.sampler.checksum_set_ups = self.sampler.checksum_set_ups.saturating_add(1);
         }
-        wrong
+        out_of_step
     }
 
     /// Pulse number `count` of the vehicle's time came when the lower half of the timers' clock stood at `stamp_us`, less
@@ -469,6 +466,7 @@ impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
                 }
                 self.started = true;
                 self.ready = true;
+                self.unreadable = 0;
             }
             Err(error) => {
                 self.sampler.fail(error, self.converter.conversions());

@@ -373,6 +373,15 @@ fn board_events() -> Vec<(&'static str, Event<'static>)> {
         ("event-certified", Event::Certified(Some(certified()))),
         ("event-certified-none", Event::Certified(None)),
     ]);
+    let clock_hz = 16_384_000;
+    let fault = Fault::Clock { clock_hz };
+    events.push((
+        "fault-clock",
+        Event::Fault {
+            sample: 1000,
+            fault,
+        },
+    ));
     events
 }
 

@@ -287,7 +287,7 @@ fn a_register_that_takes_no_writing_stops_the_acquisition_by_name() {
     };
     line.run(1000, &mut Quiet);
     let stuck = Fault::Register {
-        address: Register::Clock as u8,
+        address: Register::Clock.address(),
         written: 0x0F06,
         read: 0x0F0E,
     };

@@ -118,7 +118,7 @@ async fn main(spawner: Spawner) {
     let known = memory.load().await;
     memory::tell(known.1);
 
-    let config = Config::default();
+    let config = Config::BUILT;
     let converter = Ads131m04::on_bus(bus, reset, config);
     let (to_application, to_acquisition) = QUEUES.init(Queues::new()).split();
     let (mut app, sampler) = {

@@ -355,6 +355,11 @@ pub enum Fault {
     },
     /// DRDY is low but there is no new conversion.
     NoData,
+    /// The converter's data sheet does not allow its master clock, as it is set or as the beat of its conversions tells.
+    Clock {
+        /// Hz.
+        clock_hz: u32,
+    },
 }
 
 /// Why the memory does not hold what it should.

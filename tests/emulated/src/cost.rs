@@ -20,9 +20,10 @@ use shared::wire::message::{Approach, Coefficients, Position};
 
 use crate::board::INSTRUCTIONS_PER_SECOND;
 use crate::converter::Plain;
+use crate::image::Rate;
 use crate::{Conversation, Emulator, Error, Heard, image};
 
-/// Clock of the converter that makes 4 kSPS, Hz.
+/// Clock of the converter, Hz.
 const CLOCK_HZ: u32 = 8_192_000;
 
 /// Where moments and compensation are written.
@@ -116,9 +117,11 @@ fn configuration(mode: Mode) -> Configuration {
     }
 }
 
-/// A board in one of its ways of working, at so many times 4 kSPS.
-fn working(times: u32, mode: Option<Mode>, raw: bool) -> Result<Conversation, Error> {
-    let mut host = Conversation::start(Plain::new(times * CLOCK_HZ, signal))?;
+/// A board in one of its ways of working.
+fn working(rate: Rate, mode: Option<Mode>, raw: bool) -> Result<Conversation, Error> {
+    let converter = Plain::new(CLOCK_HZ, signal);
+    let board = Emulator::start_with_speed(converter, rate, INSTRUCTIONS_PER_SECOND)?;
+    let mut host = Conversation::with_board(board)?;
     if let Some(mode) = mode {
         host.replace(Some(configuration(mode).into()))?;
     }
@@ -128,8 +131,8 @@ fn working(times: u32, mode: Option<Mode>, raw: bool) -> Result<Conversation, Er
 }
 
 /// Instructions a four-channel sample over two seconds, everything included; the board after it.
-fn a_sample(times: u32, mode: Option<Mode>, raw: bool) -> Result<(f64, Conversation), Error> {
-    let mut host = working(times, mode, raw)?;
+fn a_sample(rate: Rate, mode: Option<Mode>, raw: bool) -> Result<(f64, Conversation), Error> {
+    let mut host = working(rate, mode, raw)?;
     let count = |host: &Conversation| {
         (
             host.board.instructions(),
@@ -168,7 +171,7 @@ fn written_in(
 
 /// Instructions a sample that are written in the files of the mathematics.
 fn of_mathematics(mode: Mode, loader: &Loader) -> Result<f64, Error> {
-    let mut host = working(1, Some(mode), false)?;
+    let mut host = working(Rate::X1024, Some(mode), false)?;
     let before = host.board.converter().conversions();
     let executed = host.board.trace(Duration::from_millis(100))?;
     let samples = host.board.converter().conversions() - before;
@@ -235,7 +238,7 @@ fn loader(path: &Path) -> Result<Loader, Error> {
 
 /// Measures everything. Takes some 20 s.
 pub fn table() -> Result<Table, Error> {
-    let loader = loader(image::path()?)?;
+    let loader = loader(&image::path()?)?;
     let mut figures = Vec::new();
     let mut add = |name, value, unit, budget| {
         figures.push(Figure {
@@ -248,11 +251,11 @@ pub fn table() -> Result<Table, Error> {
     let load = |a_sample: f64, rate_hz: f64| {
         100.0 * a_sample * rate_hz / INSTRUCTIONS_PER_SECOND.get() as f64
     };
-    let (plain, _) = a_sample(1, None, false)?;
-    let (block, _) = a_sample(1, Some(Mode::Block), false)?;
-    let (point, _) = a_sample(1, Some(Mode::Pointwise), false)?;
-    let (raw, _) = a_sample(1, Some(Mode::Block), true)?;
-    let (fast, mut host) = a_sample(4, Some(Mode::Block), false)?;
+    let (plain, _) = a_sample(Rate::X1024, None, false)?;
+    let (block, _) = a_sample(Rate::X1024, Some(Mode::Block), false)?;
+    let (point, _) = a_sample(Rate::X1024, Some(Mode::Pointwise), false)?;
+    let (raw, _) = a_sample(Rate::X1024, Some(Mode::Block), true)?;
+    let (fast, mut host) = a_sample(Rate::X256, Some(Mode::Block), false)?;
     let state = host.state()?;
     let lost = state.map_or(f64::NAN, |state| {
         (state.lost + state.dropped_samples) as f64

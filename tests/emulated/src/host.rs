@@ -93,6 +93,9 @@ pub struct Conversation {
 /// How long an answer may take: what the line still holds comes first.
 const PATIENCE: Duration = Duration::from_millis(200);
 
+/// How often a board is greeted that does not answer.
+const GREETINGS: u32 = 3;
+
 impl Conversation {
     /// Powers the board, and greets it once its converter is set up.
     pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
@@ -108,8 +111,13 @@ impl Conversation {
             last: None,
             heard: Vec::new(),
         };
-        host.listen(Duration::from_millis(20))?;
-        host.greet()?;
+        // A slow processor is still setting its converter up when the first greeting comes.
+        for _ in 0..GREETINGS {
+            host.listen(Duration::from_millis(20))?;
+            if host.greet()? {
+                break;
+            }
+        }
         Ok(host)
     }
 

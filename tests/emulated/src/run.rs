@@ -18,7 +18,7 @@ use rigless::time::VirtualNanos;
 
 use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, Shared, lock};
 use crate::converter::Converter;
-use crate::image;
+use crate::image::{self, Rate};
 use crate::line::Line;
 
 /// Why the emulated board does not run, or not on.
@@ -66,7 +66,7 @@ pub struct Emulator {
 impl Emulator {
     /// Powers the board with the image on its flash and the given converter on its bus.
     pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
-        Self::start_image(converter, image::path()?)
+        Self::start_image(converter, &image::path()?)
     }
 
     /// The same with another image.
@@ -80,17 +80,18 @@ impl Emulator {
         converter: impl Converter + 'static,
         memory: Vec<u8>,
     ) -> Result<Self, Error> {
-        let image = Image::read(image::path()?, None)?;
+        let image = Image::read(&image::path()?, None)?;
         let memory = Image::new(Path::new("memory"), memory, Some(MEMORY))?;
         Self::with_images(converter, &[image, memory], INSTRUCTIONS_PER_SECOND)
     }
 
-    /// The same with a processor of another speed.
+    /// The same with the image of another rate and a processor of another speed.
     pub fn start_with_speed(
         converter: impl Converter + 'static,
+        rate: Rate,
         instructions_per_second: NonZeroU64,
     ) -> Result<Self, Error> {
-        let image = Image::read(image::path()?, None)?;
+        let image = Image::read(&image::path_at(rate)?, None)?;
         Self::with_images(converter, &[image], instructions_per_second)
     }
 

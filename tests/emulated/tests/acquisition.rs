@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
+use emulated::board::INSTRUCTIONS_PER_SECOND;
 use emulated::converter::Plain;
-use emulated::{Conversation, Error, Heard};
+use emulated::image::Rate;
+use emulated::{Conversation, Emulator, Error, Heard};
 use shared::wire::Command;
 use shared::wire::message::{Approach, Position, Segment};
 
@@ -54,9 +56,11 @@ fn a_reading_comes_back_as_blocks_of_every_conversion_since_the_command() -> Res
 }
 
 /// Runs with or without raw samples, and counts.
-fn loses_nothing(clock_hz: u32, seconds: u64, raw: bool) -> Result<(), Error> {
-    let mut host = Conversation::start(Plain::new(clock_hz, counting))?;
-    let rate_hz = u64::from(clock_hz) / 2048;
+fn loses_nothing(rate: Rate, seconds: u64, raw: bool) -> Result<(), Error> {
+    let converter = Plain::new(CLOCK_HZ, counting);
+    let board = Emulator::start_with_speed(converter, rate, INSTRUCTIONS_PER_SECOND)?;
+    let mut host = Conversation::with_board(board)?;
+    let rate_hz = rate.hz();
     host.command(&Command::StreamRaw { on: raw })?;
     let before = host.state()?.expect("an answer");
     let converted_before = host.board.converter().conversions();
@@ -113,15 +117,15 @@ fn loses_nothing(clock_hz: u32, seconds: u64, raw: bool) -> Result<(), Error> {
 
 #[test]
 fn no_conversion_of_a_minute_at_4_ksps_is_lost_in_blocks() -> Result<(), Error> {
-    loses_nothing(CLOCK_HZ, 60, false)
+    loses_nothing(Rate::X1024, 60, false)
 }
 
 #[test]
 fn no_conversion_of_a_minute_at_4_ksps_is_lost_with_raw_samples_at_1_mbaud() -> Result<(), Error> {
-    loses_nothing(CLOCK_HZ, 60, true)
+    loses_nothing(Rate::X1024, 60, true)
 }
 
 #[test]
 fn no_conversion_at_16_ksps_is_lost_in_blocks() -> Result<(), Error> {
-    loses_nothing(4 * CLOCK_HZ, 15, false)
+    loses_nothing(Rate::X256, 15, false)
 }
