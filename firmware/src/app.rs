@@ -57,8 +57,8 @@ enum Reply {
 enum Keeping {
     /// Nothing to do.
     Idle,
-    /// To be fetched.
-    Asked(Keep),
+    /// What is kept in the application is to be fetched, for the command of that number.
+    Asked(u16),
     /// Under way, for the command of that number.
     Begun(u16),
 }
@@ -148,11 +148,15 @@ impl<'q> App<'q> {
 
     /// What is to be written to the memory next; [`Self::stored`] ends it.
     pub fn keep(&mut self) -> Option<Keep> {
-        let Keeping::Asked(keep) = self.keeping else {
+        let Keeping::Asked(sequence) = self.keeping else {
             return None;
         };
-        self.keeping = Keeping::Begun(keep.sequence);
-        Some(keep)
+        self.keeping = Keeping::Begun(sequence);
+        let certified = self.certified;
+        Some(Keep {
+            sequence,
+            certified,
+        })
     }
 
     /// The memory was written, or not.
@@ -473,10 +477,7 @@ impl<'q> App<'q> {
         }
         self.certified = certified;
         self.coefficients = certified.as_ref().and_then(coefficients);
-        self.keeping = Keeping::Asked(Keep {
-            sequence,
-            certified,
-        });
+        self.keeping = Keeping::Asked(sequence);
     }
 
     fn compensates(&self) -> bool {

@@ -72,3 +72,140 @@ impl<RX: Read + ReadReady, TX: Write, DELAY: DelayNs> Conversation<RX, TX, DELAY
 fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use core::convert::Infallible;
+    use core::future::pending;
+
+    use embassy_futures::block_on;
+    use embedded_io::{ErrorKind, ErrorType};
+    use shared::wire::framing::Frame;
+    use shared::wire::message::{Command, Identity};
+    use shared::wire::version;
+    use std::collections::VecDeque;
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::link::Queues;
+
+    /// Bytes that have come, and errors among them.
+    struct Port(VecDeque<Result<u8, ErrorKind>>);
+
+    impl ErrorType for Port {
+        type Error = ErrorKind;
+    }
+
+    impl ReadReady for Port {
+        fn read_ready(&mut self) -> Result<bool, ErrorKind> {
+            match self.0.front() {
+                Some(&Err(error)) => {
+                    self.0.pop_front();
+                    Err(error)
+                }
+                some => Ok(some.is_some()),
+            }
+        }
+    }
+
+    impl Read for Port {
+        fn read(&mut self, bytes: &mut [u8]) -> Result<usize, ErrorKind> {
+            let mut count = 0;
+            while let (Some(&Ok(byte)), Some(to)) = (self.0.front(), bytes.get_mut(count)) {
+                *to = byte;
+                self.0.pop_front();
+                count += 1;
+            }
+            Ok(count)
+        }
+    }
+
+    /// Takes bytes, or nothing for ever.
+    struct Wire(Option<Vec<u8>>);
+
+    impl ErrorType for Wire {
+        type Error = Infallible;
+    }
+
+    impl Write for Wire {
+        async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+            match &mut self.0 {
+                Some(taken) => {
+                    taken.extend(bytes);
+                    Ok(bytes.len())
+                }
+                None => pending().await,
+            }
+        }
+
+        async fn flush(&mut self) -> Result<(), Infallible> {
+            Ok(())
+        }
+    }
+
+    /// Time passes at once.
+    struct Passes;
+
+    impl DelayNs for Passes {
+        async fn delay_ns(&mut self, _: u32) {}
+    }
+
+    /// Time stands still.
+    struct Stands;
+
+    impl DelayNs for Stands {
+        async fn delay_ns(&mut self, _: u32) {
+            pending().await
+        }
+    }
+
+    const IDENTITY: Identity = Identity {
+        minimum: version::MINIMUM,
+        current: version::CURRENT,
+        firmware: [0, 1, 0],
+        serial: *b"123456789012",
+        sample_rate_hz: 4000.0,
+        reference_v: 1.2,
+        gains: [1; 4],
+        block_samples: 40,
+    };
+
+    fn hello() -> Vec<Result<u8, ErrorKind>> {
+        let mut frame = Frame::new();
+        let version = version::CURRENT;
+        let command = Command::Hello { version };
+        frame.encode(&command, 1).expect("a command fits");
+        frame.as_bytes().iter().map(|byte| Ok(*byte)).collect()
+    }
+
+    #[test]
+    fn a_line_that_takes_nothing_costs_the_frame_and_is_counted() {
+        let mut queues = Queues::new();
+        let (_, end) = queues.split();
+        let mut app = App::new(IDENTITY, end);
+        let mut line = Conversation::new(Port(hello().into()), Wire(None), Passes);
+        line.hear(&mut app);
+        // Its name, and what the board says of itself.
+        for timeouts in 1..=2 {
+            assert!(block_on(line.say(&mut app)));
+            assert_eq!(app.board().line_timeouts, timeouts);
+        }
+        assert!(!block_on(line.say(&mut app)));
+    }
+
+    #[test]
+    fn errors_of_the_line_are_counted_and_what_comes_around_them_is_heard() {
+        let mut queues = Queues::new();
+        let (_, end) = queues.split();
+        let mut app = App::new(IDENTITY, end);
+        let noise = [Err(ErrorKind::Other), Ok(7), Ok(0), Err(ErrorKind::Other)];
+        let came = noise.into_iter().chain(hello());
+        let mut line = Conversation::new(Port(came.collect()), Wire(Some(Vec::new())), Stands);
+        line.hear(&mut app);
+        assert_eq!(app.board().line_errors, 2);
+        assert!(block_on(line.say(&mut app)));
+        assert!(line.sender.0.is_some_and(|taken| taken.len() > 30));
+    }
+}

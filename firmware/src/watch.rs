@@ -71,3 +71,38 @@ impl<'t, const N: usize> Supervisor<'t, N> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_watchdog_is_fed_only_when_each_task_made_a_step_or_rests() {
+        let tasks = [const { Task::new() }; 3];
+        let mut supervisor = Supervisor::new([&tasks[0], &tasks[1], &tasks[2]]);
+        assert!(!supervisor.all_alive());
+        tasks.iter().for_each(Task::step);
+        assert!(supervisor.all_alive());
+        // Two of three are not enough, however often they step.
+        for _ in 0..3 {
+            tasks[0].step();
+            tasks[2].step();
+            assert!(!supervisor.all_alive());
+            assert_eq!(supervisor.first_dead(), Some(1));
+        }
+        tasks[1].rest();
+        assert!(supervisor.all_alive());
+        assert_eq!(supervisor.first_dead(), Some(0));
+        tasks[0].step();
+        tasks[2].step();
+        assert!(supervisor.all_alive());
+        // Who rests no longer has to step again.
+        tasks[1].step();
+        tasks[0].step();
+        tasks[2].step();
+        assert!(supervisor.all_alive());
+        tasks[0].step();
+        tasks[2].step();
+        assert!(!supervisor.all_alive());
+    }
+}

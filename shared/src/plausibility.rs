@@ -42,18 +42,22 @@ pub struct Both<T> {
     pub felt_g2: T,
 }
 
-/// What the reference feels in the long run.
+/// What the reference feels in the long run: the mean over the last samples, or over all while there are fewer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Felt<T>(Option<T>);
+pub struct Felt<T> {
+    mean_square_g2: T,
+    /// Samples that it is of.
+    samples: T,
+}
 
 impl<T: Real> Felt<T> {
     /// Takes the mean square of a block, g^2, of so many samples; gives that of the long run, g^2.
     pub fn absorb(&mut self, mean_square_g2: T, samples: u64) -> T {
-        let before = self.0.unwrap_or(mean_square_g2);
-        let weight = (T::from_i64(samples as i64) / T::lit(LONG_RUN)).min(T::one());
-        let felt = before + (mean_square_g2 - before) * weight;
-        self.0 = Some(felt);
-        felt
+        let samples = T::from_i64(samples as i64);
+        self.samples = (self.samples + samples).min(T::lit(LONG_RUN).max(samples));
+        let step = (mean_square_g2 - self.mean_square_g2) * samples / self.samples;
+        self.mean_square_g2 += step;
+        self.mean_square_g2
     }
 }
 
@@ -67,5 +71,84 @@ impl<T: Real> Both<T> {
         let quiet = self.instrument_g2 < T::lit(VIBRATION_G * VIBRATION_G);
         let shakes = self.reference_g2 >= T::lit(LEAST_VARIANCE) * self.instrument_g2;
         senses && (!self.comparable || same_mean && (quiet || shakes))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At rest with IA up, both instruments sound.
+    const SOUND: Both<f64> = Both {
+        comparable: true,
+        instrument_g: 1.0,
+        instrument_g2: 1e-12,
+        reference_g: 1.03,
+        reference_g2: 1e-8,
+        felt_g2: 1.06,
+    };
+
+    #[test]
+    fn an_open_input_is_told_at_rest_in_any_attitude() {
+        assert!(SOUND.agree());
+        let open = Both {
+            reference_g: 1e-4,
+            reference_g2: 1e-9,
+            ..SOUND
+        };
+        assert!(!open.agree());
+        // IA level: the instrument tells nothing either, and gravity decides, after a second or two.
+        let level = Both {
+            instrument_g: 0.01,
+            ..open
+        };
+        let mut felt = Felt::default();
+        assert!((0..200).all(|_| felt.absorb(1.0, 40) == 1.0));
+        let blocks = (0..1000).take_while(|_| {
+            let felt_g2 = felt.absorb(1e-9, 40);
+            Both { felt_g2, ..level }.agree()
+        });
+        // ln 4 times the long run.
+        let samples = 40 * blocks.count();
+        assert!((5000..6500).contains(&samples), "{samples}");
+    }
+
+    #[test]
+    fn gravity_that_vibration_takes_away_for_a_block_is_no_lost_reference() {
+        let mut felt = Felt::default();
+        // 1 g and a sine of 1 g and 20 Hz, in blocks of 10 ms at 4 kSPS.
+        for block in 0..1000 {
+            let phase = f64::from(block % 5) / 5.0 * core::f64::consts::TAU;
+            let mean = 1.0 - num_traits::Float::cos(phase);
+            let felt_g2 = felt.absorb(mean * mean, 40);
+            let shaken = Both {
+                instrument_g: mean,
+                reference_g: mean,
+                felt_g2,
+                ..SOUND
+            };
+            assert!(block < 5 || shaken.agree(), "{block}: {felt_g2}");
+        }
+    }
+
+    #[test]
+    fn a_reference_that_does_not_shake_with_the_instrument_is_told() {
+        let shaken = Both {
+            instrument_g2: 1.0,
+            reference_g2: 0.9,
+            ..SOUND
+        };
+        assert!(shaken.agree());
+        let still = Both {
+            reference_g2: 1e-8,
+            ..shaken
+        };
+        assert!(!still.agree());
+        // At the end of its range the instrument tells nothing to compare with.
+        let saturated = Both {
+            comparable: false,
+            ..still
+        };
+        assert!(saturated.agree());
     }
 }

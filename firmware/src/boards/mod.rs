@@ -17,14 +17,12 @@ use shared::wire::board::TimeBase;
 #[path = "nucleo_f429zi/mod.rs"]
 pub mod board;
 
-/// A board that has started.
+/// A board that has started, but for its memory.
 pub struct Parts {
     /// The converter's bus.
     pub bus: board::Bus,
     /// The converter's pin SYNC/RESET.
     pub reset: Output<'static>,
-    /// The memory of the configuration.
-    pub flash: board::Flash,
     /// What comes from the host.
     pub receiver: board::Receiver,
     /// What goes to the host.
@@ -39,9 +37,9 @@ pub struct Parts {
     pub brown_out_guarded: bool,
 }
 
-/// What a board measures of its surroundings, in any unit of time that suits it.
+/// What a board measures of its surroundings.
 pub trait Surroundings {
-    /// Temperatures now; the clock as it is.
+    /// Temperatures now, and whether the clock can be trusted.
     fn measure(&mut self) -> Around;
 }
 

@@ -23,9 +23,11 @@ use firmware::check::Check;
 use firmware::conversation::Conversation;
 use firmware::link::Queues;
 use firmware::sampler::{Acquisition, Around, Sampler};
+use firmware::store::Kept;
 use firmware::watch::{Supervisor, Task};
 use shared::identify::static_test::workspace_len;
 use shared::self_check::{MARKS, MOUNTS, SelfCheck, SetUp, Verdicts};
+use shared::wire::configuration::Certified;
 use shared::wire::message::Identity;
 use shared::wire::version;
 use static_cell::StaticCell;
@@ -94,61 +96,57 @@ pub fn on_acquisition_interrupt() {
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     watchdog::start();
+    let (flash, parts) = board::start();
+    board::unlock_backup();
+    static MEMORY: StaticCell<Memory> = StaticCell::new();
+    let memory = MEMORY.init(memory::open(flash));
+    let known = memory.load().await;
+    memory::tell(known.1);
+    let thermometer = assemble(spawner, parts, known);
+    spawner.spawn(defmt::unwrap!(remember(memory)));
+    supervise(thermometer).await
+}
+
+/// Puts acquisition and link together and starts them. Not part of `main`, whose task would hold everything for good.
+fn assemble(spawner: Spawner, parts: Parts, known: (Option<Certified>, Kept)) -> Thermometer {
     let Parts {
         bus,
         reset,
-        flash,
         receiver,
         sender,
         protect,
         mut thermometer,
         time_base,
         brown_out_guarded,
-    } = board::start();
-    board::unlock_backup();
-    let (cause, boots) = postmortem::take();
-    if !brown_out_guarded {
-        defmt::warn!(
-            "the option bytes do not set brown-out level 3: the flash may be written on falling power"
-        );
-    }
-
-    static MEMORY: StaticCell<Memory> = StaticCell::new();
-    let memory = MEMORY.init(memory::open(flash));
-    let known = memory.load().await;
-    memory::tell(known.1);
-
+    } = parts;
     let config = Config::BUILT;
     let converter = Ads131m04::on_bus(bus, reset, config);
     let (to_application, to_acquisition) = QUEUES.init(Queues::new()).split();
-    let (mut app, sampler) = {
-        // Borrowed in here only, so that the task does not hold it for good.
-        let mut sampler = Sampler::new(to_application, BLOCK_SAMPLES);
-        let app = App::new(identity(&config), to_acquisition);
-        (app.with_kept(known, &mut sampler), sampler)
+    let mut sampler = Sampler::new(to_application, BLOCK_SAMPLES);
+    let app = App::new(identity(&config), to_acquisition).with_kept(known, &mut sampler);
+    let mut app = match SelfCheck::new(SetUp::default(), WORKSPACE.init([0.0; WORKSPACE_LEN])) {
+        Ok(check) => app.with_check(Check::new(check)),
+        Err(_) => app,
     };
     let told = app.board();
-    told.boots = boots;
-    told.cause = cause;
+    (told.cause, told.boots) = postmortem::take();
     told.time_base = time_base;
     told.brown_out_guarded = brown_out_guarded;
+    if !brown_out_guarded {
+        defmt::warn!("no brown-out level 3: the flash may be written on falling power");
+    }
     measure(&mut thermometer);
 
     let acquisition = Acquisition::new(converter, sampler, Reset::Pin);
     let above = ACQUISITION.start(board::ACQUISITION);
     above.spawn(defmt::unwrap!(acquire(ACQUIRING.init(acquisition))));
-    let app = match SelfCheck::new(SetUp::default(), WORKSPACE.init([0.0; WORKSPACE_LEN])) {
-        Ok(check) => app.with_check(Check::new(check)),
-        Err(_) => app,
-    };
     let conversation = CONVERSING.init(Conversation::new(receiver, sender, Delay));
     spawner.spawn(defmt::unwrap!(converse(
         APP.init(app),
         conversation,
         protect
     )));
-    spawner.spawn(defmt::unwrap!(remember(memory)));
-    supervise(thermometer).await
+    thermometer
 }
 
 /// Feeds the watchdog while every task lives, measures the surroundings, and restarts when the clock is lost.

@@ -1,11 +1,6 @@
 //! The independent watchdog. It runs before anything else, on an oscillator of its own, and nothing stops it.
 
-use embassy_stm32::pac;
-
-#[cfg(feature = "nucleo-f429zi")]
-use pac::IWDG;
-#[cfg(feature = "nucleo-h743zi2")]
-use pac::IWDG1 as IWDG;
+use embassy_stm32::pac::IWDG;
 
 /// Keys (RM0090, 21.4.1).
 const RELOAD: u32 = 0xAAAA;

@@ -128,7 +128,9 @@ enum Source {
 /// What `--json` gets.
 #[derive(Serialize)]
 struct Shown {
-    certified: Option<Certified>,
+    configuration: Option<Configuration>,
+    provenance: Option<Provenance>,
+    errors: Option<StatedErrors<f32>>,
     writes: u32,
     fault: Option<StoreFault>,
 }
@@ -252,7 +254,9 @@ impl Command for Configure {
         }
         console.print(text(&kept))?;
         console.json(&Shown {
-            certified: kept.certified,
+            configuration: kept.certified.map(|kept| kept.configuration),
+            provenance: kept.certified.and_then(|kept| kept.provenance),
+            errors: kept.certified.map(|kept| kept.errors),
             writes: kept.writes,
             fault: kept.fault,
         })?;

@@ -84,7 +84,8 @@ fn build(what: &[&str]) -> Result<PathBuf, Error> {
         .current_dir(&root)
         .args([
             "build",
-            "--release",
+            "--profile",
+            "image",
             "--locked",
             "-p",
             "firmware",

@@ -1,4 +1,4 @@
-//! How the unmodified image starts and what it says of it: clocks, caches, priorities, supply, causes, time, temperature.
+//! How the unmodified image starts and what it says of it: clocks, caches, supply, causes, time, temperature.
 
 use std::time::Duration;
 
@@ -97,24 +97,6 @@ fn caches_and_prefetch_are_on() -> Result<(), Error> {
     let control = host.board.read_word(FLASH_ACR)?;
     // Five wait states, prefetch, instruction cache, data cache.
     assert_eq!(control & 0x70F, 0x705, "{control:#x}");
-    Ok(())
-}
-
-#[test]
-fn interrupts_have_the_priorities_that_the_comments_claim() -> Result<(), Error> {
-    let mut host = greeted()?;
-    let mut priority = |line: u64| -> Result<u32, Error> {
-        let word = host.board.read_memory(0xE000_E400 + line / 4 * 4)?;
-        Ok(word >> (8 * (line % 4)) & 0xFF)
-    };
-    let (tim2, dma2_0, can2_sce) = (priority(28)?, priority(56)?, priority(66)?);
-    assert_eq!(tim2, dma2_0);
-    assert!(tim2 < can2_sce, "{tim2} {can2_sce}");
-    // TIM4, USART3, DMA1 streams 1 and 3, flash.
-    for below in [30, 39, 12, 14, 4] {
-        let below = priority(below)?;
-        assert!(can2_sce < below, "{can2_sce} {below}");
-    }
     Ok(())
 }
 

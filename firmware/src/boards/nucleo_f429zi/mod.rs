@@ -72,8 +72,8 @@ fn CAN2_SCE() {
     crate::image::on_acquisition_interrupt();
 }
 
-/// Starts the board.
-pub fn start() -> Parts {
+/// Starts the board: its memory, and everything else.
+pub fn start() -> (Flash, Parts) {
     let (p, time_base) = clocks::start();
     for (line, priority) in PRIORITIES {
         line.set_priority(priority);
@@ -109,10 +109,10 @@ pub fn start() -> Parts {
     };
     let (sender, receiver) = uart.split();
 
-    Parts {
+    let flash = flash::open(p.FLASH, Interrupts, p.PA12);
+    let parts = Parts {
         bus: Bus::new(spi, select, timers),
         reset: Output::new(p.PE3, Level::High, Speed::Low),
-        flash: flash::open(p.FLASH, Interrupts, p.PA12),
         receiver: Receiver::start(receiver),
         sender,
         protect: Input::new(p.PF8, Pull::Up),
@@ -120,7 +120,8 @@ pub fn start() -> Parts {
         time_base,
         // 0: reset threshold level 3, 2.7 V (RM0090, 3.9.10).
         brown_out_guarded: pac::FLASH.optcr().read().bor_lev() == 0,
-    }
+    };
+    (flash, parts)
 }
 
 /// Makes the backup registers writable.
