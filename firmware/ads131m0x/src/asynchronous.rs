@@ -6,7 +6,8 @@ use embedded_hal_async::spi::SpiDevice;
 
 use crate::clock::pulse;
 use crate::error::Error;
-use crate::frame::{Command, Format, Response, reset_answer};
+use crate::format::Format;
+use crate::frame::{Command, Response, reset_answer};
 use crate::registers::{Identification, Register};
 use crate::settings::{Channel, Settings};
 use crate::status::Status;

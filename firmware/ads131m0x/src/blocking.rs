@@ -10,7 +10,8 @@ use embedded_hal::spi::SpiDevice;
 
 use crate::asynchronous::{self, Transport};
 use crate::error::Error;
-use crate::frame::{Command, Format, Response};
+use crate::format::Format;
+use crate::frame::{Command, Response};
 use crate::registers::{Identification, Register};
 use crate::settings::{Channel, Settings};
 use crate::status::Status;

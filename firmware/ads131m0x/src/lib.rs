@@ -7,6 +7,7 @@ pub mod asynchronous;
 pub mod blocking;
 mod clock;
 mod error;
+mod format;
 pub mod frame;
 pub mod registers;
 mod settings;
@@ -15,7 +16,8 @@ mod values;
 
 pub use clock::{Oversampling, PowerMode};
 pub use error::Error;
-pub use frame::{ChecksumError, Command, Format, Polynomial, Response, WordLength};
+pub use format::{Format, Polynomial, WordLength};
+pub use frame::{ChecksumError, Command, Response};
 pub use registers::{ChannelCfg, DrdySource, Identification, Mode, Register};
 pub use settings::{Channel, Settings, SettingsError};
 pub use status::Status;

@@ -1,8 +1,8 @@
 //! Registers: their addresses, and their contents in types (section 8.6).
 
 use crate::clock::{Oversampling, PowerMode};
-use crate::frame::{Format, Polynomial, WordLength};
-use crate::values::{ChopDelay, CurrentDetect, DcBlock, Gain, Input, Phase};
+use crate::format::{Format, Polynomial, WordLength};
+use crate::values::{ChopDelay, CurrentDetect, DcBlock, Gain, Input, Phase, split};
 
 /// A register's address. Channels are numbered from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -407,11 +407,6 @@ impl ChannelCfg {
             },
         }
     }
-}
-
-/// A number of 24 bits as two registers: its upper 16 bits, and its lower 8 in the upper byte.
-pub(crate) const fn split(number: u32) -> [u16; 2] {
-    [(number >> 8) as u16, (number << 8) as u16 & 0xFF00]
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The status word.
 
-use crate::frame::{Polynomial, WordLength};
+use crate::format::{Polynomial, WordLength};
 
 /// The status word: the register STATUS, and the first word of each frame that follows a null command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

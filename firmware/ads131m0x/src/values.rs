@@ -162,7 +162,7 @@ impl Offset {
 
     /// The registers CHn_OCAL_MSB and CHn_OCAL_LSB.
     pub const fn bits(self) -> [u16; 2] {
-        crate::registers::split(self.0 as u32)
+        split(self.0 as u32)
     }
 }
 
@@ -201,7 +201,7 @@ impl GainCalibration {
 
     /// The registers CHn_GCAL_MSB and CHn_GCAL_LSB.
     pub const fn bits(self) -> [u16; 2] {
-        crate::registers::split(self.0)
+        split(self.0)
     }
 }
 
@@ -341,6 +341,11 @@ impl DcBlock {
             field => Some(Self(field + 1)),
         }
     }
+}
+
+/// A number of 24 bits as two registers: its upper 16 bits, and its lower 8 in the upper byte.
+pub(crate) const fn split(number: u32) -> [u16; 2] {
+    [(number >> 8) as u16, (number << 8) as u16 & 0xFF00]
 }
 
 #[cfg(test)]

@@ -394,8 +394,8 @@ pub fn roots() -> Result<Table, Error> {
 
 /// Instructions a sample by function, those first that take most: a way of working, traced for a tenth of a second.
 pub fn by_function(mode: Option<Mode>, raw: bool) -> Result<Vec<(String, f64)>, Error> {
-    let loader = loader(image::path()?)?;
-    let mut host = working(1, mode, raw)?;
+    let loader = loader(&image::path()?)?;
+    let mut host = working(Rate::X1024, mode, raw)?;
     let before = host.board.converter().conversions();
     let executed = host.board.trace(Duration::from_millis(100))?;
     let samples = (host.board.converter().conversions() - before) as f64;
