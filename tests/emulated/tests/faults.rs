@@ -239,14 +239,14 @@ fn wrong_checksums_are_named_and_cost_their_conversions() -> Result<(), Error> {
         assert!(bench.faults().iter().any(named));
         // After a failure two frames are read, and both must be sound.
         let each = wrong / (1.0 - wrong + wrong * wrong);
-        if wrong < 1.0 {
+        if wrong < 0.5 {
             assert_likely(cost.lost, ms as f64 * 1e-3 * bench.rate_hz as f64, each);
         }
-        // Sixteen in a row and a set-up, again and again; by chance in 2^16 conversions of every second.
-        let for_ever = wrong == 1.0;
-        assert_eq!(cost.set_ups > 0, for_ever, "{cost:?}");
+        // Sixteen in a row and a set-up, again and again.
+        let in_a_row = wrong >= 0.5;
+        assert_eq!(cost.set_ups > 0, in_a_row, "{cost:?}");
         let board = bench.host.board_state()?.expect("an answer");
-        assert_eq!(board.checksum_set_ups > 0, for_ever, "{board:?}");
+        assert_eq!(board.checksum_set_ups > 0, in_a_row, "{board:?}");
     }
     Ok(())
 }
