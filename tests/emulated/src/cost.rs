@@ -326,8 +326,8 @@ pub fn table() -> Result<Table, Error> {
         add(section, bytes(&loader, &[section]), "bytes", None);
     }
     let flash = bytes(&loader, &[".vector_table", ".text", ".rodata", ".data"]);
-    // A fifth of the bank that the code has for itself.
-    add("flash", flash, "bytes", Some(f64::from(200 << 10)));
+    // A quarter of the bank that the code has for itself.
+    add("flash", flash, "bytes", Some(f64::from(256 << 10)));
     let ram = bytes(&loader, &[".data", ".bss", ".uninit"]);
     add("static RAM", ram, "bytes", Some(f64::from(32 << 10)));
     let (took_ms, stack) = self_check()?;

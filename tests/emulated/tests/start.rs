@@ -7,7 +7,6 @@ use emulated::{Conversation, Emulator, Error, Heard};
 use shared::compensate::{Mode, Quality, Source, StatedErrors};
 use shared::model::FURTHER;
 use shared::rectification::Covariance;
-use shared::wire::Command;
 use shared::wire::board::{Cause, TimeBase};
 use shared::wire::configuration::{
     Calibration, Certified, Compensation, Configuration, Date, Name, Provenance,
