@@ -14,18 +14,20 @@ use crate::bench::board::{Board, VirtualBoard};
 use crate::bench::chain::Motion;
 use crate::bench::converter::{Converter, OVERSAMPLING, Quiet, Signal};
 use crate::bench::dial;
-use crate::bench::excitation::{Excitation, FrontEnd};
+use crate::bench::excitation::{Excitation, FRONT_END, REFERENCE_V_PER_G};
 use crate::bench::plan::{CHANGEOVER_S, Dwell, READING_INTERVAL_S, RUN_INTERVAL_S, Shake};
 use crate::bench::shaker::Shaker;
 use crate::bench::simulate::VirtualBench;
 use crate::campaign::{
-    Approach, Campaign, CampaignConfig, Measured, Reading, ReferenceMoments, Run, VibrationKind,
+    Approach, Campaign, CampaignConfig, Drift, Measured, Reading, ReferenceMoments, Run,
+    VibrationKind,
 };
 use crate::error::Error;
-use crate::identification;
+use crate::front_end::FrontEnd;
 use crate::record::{self, RecordError, Tally, Writer};
 use crate::reduction::{Reduction, ReductionError, SegmentSums};
 use crate::source::FileSource;
+use crate::statics;
 
 /// The record's name in a campaign folder.
 pub const RECORD: &str = "record.vre";
@@ -41,11 +43,6 @@ const SETTLING_BLOCKS: u64 = 4;
 
 /// Blocks in which a board solves for its coefficients, in double precision without hardware for it.
 const CONCLUDING_BLOCKS: u64 = 200;
-
-const FRONT_END: FrontEnd = FrontEnd {
-    divider: 10.0,
-    reference_v_per_g: 0.1,
-};
 
 /// An axis of the reference stands still below this rms, g: its noise has no shape of interest.
 const STANDS_STILL_G: f64 = 1e-3;
@@ -65,7 +62,7 @@ pub fn steps(bench: &VirtualBench) -> u64 {
 }
 
 /// Measures the plan of a virtual bench through the firmware's own driver and application, and writes record and
-/// campaign into `folder`. A record that is there already is replaced.
+/// campaign into `folder`. A record that is there already is kept: see [`make_way`].
 ///
 /// # Errors
 /// What the file system says; a record that does not make a campaign.
@@ -77,6 +74,33 @@ pub fn capture_virtual(
     let serial = serial(bench);
     let board = VirtualBoard::new(Converter::new(Config::default()), BLOCK, serial);
     capture(bench, &mut { board }, folder, step)
+}
+
+/// Tables that a capture writes from its record.
+const TABLES: [&str; 3] = ["campaign.toml", "static.csv", "vibration.csv"];
+
+/// Makes way in `folder` for a new record: one that is there is kept as `record-1.vre` or the next number that is free, and
+/// tables are removed, since they would pass for those of the new one.
+///
+/// # Errors
+/// What the file system says.
+pub fn make_way(folder: &Path) -> Result<(), Error> {
+    let file = folder.join(RECORD);
+    if file.exists() {
+        let mut names = (1_u32..).map(|n| folder.join(format!("record-{n}.vre")));
+        if let Some(kept) = names.find(|kept| !kept.exists()) {
+            fs::rename(&file, &kept).map_err(Error::write(&kept))?;
+        }
+    }
+    for table in TABLES.map(|name| folder.join(name)) {
+        match fs::remove_file(&table) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::write(&table)(error));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 fn serial(bench: &VirtualBench) -> [u8; 12] {
@@ -99,12 +123,12 @@ pub fn capture(
     mut step: impl FnMut(),
 ) -> Result<Captured, Error> {
     fs::create_dir_all(folder).map_err(Error::write(folder))?;
+    make_way(folder)?;
     let file = folder.join(RECORD);
-    if file.exists() {
-        fs::remove_file(&file).map_err(Error::write(&file))?;
-    }
+    let mut config = bench.config();
+    config.acquisition = config.acquisition.with_front_end(FRONT_END);
     let mut session = Session::open(bench, board, &file)?;
-    session.send(&Command::BeginCheck(set_up(&bench.config())))?;
+    session.send(&Command::BeginCheck(set_up(&config)))?;
     for order in 0..bench.plan.dwells.len() {
         session.dwell(order)?;
         step();
@@ -117,7 +141,7 @@ pub fn capture(
     }
     let conditions = session.finish()?;
     let (reduction, tally) = reduce(&file, DWELL_BLOCKS)?;
-    let campaign = campaign(bench.config(), &reduction, &conditions, &file)?;
+    let campaign = campaign(config, &reduction, &conditions, &file)?;
     campaign.write(folder)?;
     Ok(Captured { campaign, tally })
 }
@@ -149,7 +173,7 @@ pub(crate) fn reduce(file: &Path, dwell_blocks: u64) -> Result<(Reduction, Tally
 #[derive(Debug)]
 pub(crate) struct Conditions {
     pub(crate) dwells: Vec<Taken>,
-    pub(crate) shakes: Vec<(Shake, f64, f64)>,
+    pub(crate) shakes: Vec<Shaken>,
     pub(crate) local_gravity_g: f64,
     pub(crate) sample_rate_hz: f64,
 }
@@ -162,6 +186,16 @@ pub(crate) struct Taken {
     pub(crate) dwell: Dwell,
     pub(crate) time_s: f64,
     pub(crate) temp_c: f64,
+}
+
+/// A shaker run that was made.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shaken {
+    pub(crate) shake: Shake,
+    pub(crate) time_s: f64,
+    pub(crate) temp_c: f64,
+    /// Scale of the reference at the converter.
+    pub(crate) reference_v_per_g: f64,
 }
 
 /// A conversation with the board while the bench does what the plan says.
@@ -253,7 +287,6 @@ impl<'b> Session<'b> {
             &bench.chain(),
             &Motion::rest(&bench.effects),
             &constant,
-            &FRONT_END,
             self.noise_v(),
             [1.0; 3],
             bench.seed.stream("dwell waveform", order as u64),
@@ -297,7 +330,6 @@ impl<'b> Session<'b> {
                 &bench.chain(),
                 motion,
                 &constant,
-                &FRONT_END,
                 self.noise_v(),
                 reference_scale,
                 bench.seed.stream("plateau waveform", index),
@@ -309,7 +341,12 @@ impl<'b> Session<'b> {
             self.segment(begin, Command::StopRun, PLATEAU_BLOCKS, &mut signal)?;
         }
         let temp_c = bench.specification.reference_temp_c + constant.excess_k;
-        self.conditions.shakes.push((shake, time_s, temp_c));
+        self.conditions.shakes.push(Shaken {
+            shake,
+            time_s,
+            temp_c,
+            reference_v_per_g: REFERENCE_V_PER_G,
+        });
         Ok(())
     }
 
@@ -336,8 +373,11 @@ pub(crate) fn position(reading: u32, dwell: &Dwell) -> message::Position {
 /// What a self-check has to know of a bench, in terms of the volts at the converter.
 pub(crate) fn set_up(config: &CampaignConfig) -> SetUp {
     SetUp {
-        bench: identification::bench(&config.bench),
-        nominal_v_per_g: config.instrument.scale_factor_nominal_v_per_g / FRONT_END.divider,
+        bench: statics::bench(&config.bench),
+        nominal_v_per_g: config
+            .acquisition
+            .front_end()
+            .converter_v(config.instrument.scale_factor_nominal_v_per_g),
         // The bench's reference is for vibration.
         reference_v_per_g: None,
     }
@@ -356,6 +396,7 @@ pub(crate) fn campaign(
 ) -> Result<Campaign, Error> {
     config.acquisition.sample_rate_hz = conditions.sample_rate_hz;
     let mut tables = Tables {
+        front_end: config.acquisition.front_end(),
         reduction,
         conditions,
         file: file.to_owned(),
@@ -380,6 +421,7 @@ pub(crate) fn campaign(
 }
 
 struct Tables<'r> {
+    front_end: FrontEnd,
     reduction: &'r Reduction,
     conditions: &'r Conditions,
     file: PathBuf,
@@ -407,7 +449,7 @@ impl Tables<'_> {
             .ok_or_else(|| self.bad(format!("has no blocks of run {number}, {plateau:?}")))
     }
 
-    /// Standard uncertainty of the mean of one of these equally long segments at rest, V before the divider: pooled, since
+    /// Standard uncertainty of the mean of one of these equally long segments at rest, V at the instrument's output: pooled, since
     /// one segment alone tells its own noise badly.
     fn pooled_sigma_v<'s>(
         &self,
@@ -427,7 +469,8 @@ impl Tables<'_> {
     /// The instrument's output per code of its channel, V.
     fn output_v_per_code(&self) -> Result<f64, Error> {
         let at_converter = self.reduction.volts_per_code(0);
-        Ok(FRONT_END.divider * at_converter.map_err(|error| self.bad(error))?)
+        let at_converter = at_converter.map_err(|error| self.bad(error))?;
+        Ok(self.front_end.output_v(at_converter))
     }
 
     /// Mean output of a segment, V.
@@ -454,12 +497,15 @@ impl Tables<'_> {
             temp_c,
             output_v: self.mean_v(self.dwell(order)?)?,
             sigma_v: self.dwell_sigma_v,
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         })
     }
 
     fn run(&self, number: usize) -> Result<Run, Error> {
-        let (shake, time_s, temp_c) = &self.conditions.shakes[number];
+        let shaken = &self.conditions.shakes[number];
+        let shake = &shaken.shake;
         let during = self.plateau(number, Plateau::During)?;
         let duration_s = plateau_s(self.conditions.sample_rate_hz);
         let (drift, drift_sigma) = during
@@ -469,31 +515,35 @@ impl Tables<'_> {
         let a0_g = shake.a0.map(|a| a * self.conditions.local_gravity_g);
         Ok(Run {
             run: number as u64,
-            time_s: *time_s,
+            time_s: shaken.time_s,
             kind: shake.kind,
             direction: shake.direction,
             level_g: shake.level_g,
             band_hz: [shake.f_lo_hz, shake.f_hi_hz],
             specific_force_g: SpecificForce::new(a0_g[0], a0_g[1], a0_g[2]),
-            temp_c: *temp_c,
+            temp_c: shaken.temp_c,
             duration_s,
             measured: Some(Measured {
                 before_v: self.mean_v(self.plateau(number, Plateau::Before)?)?,
                 during_v: self.mean_v(during)?,
-                after_v: self.mean_v(self.plateau(number, Plateau::After)?)?,
+                after_v: Some(self.mean_v(self.plateau(number, Plateau::After)?)?),
                 sigma_v: self.plateau_sigma_v,
-                drift_v_per_s: scale * drift,
-                drift_sigma_v_per_s: scale * drift_sigma,
+                drift: Some(Drift {
+                    v_per_s: scale * drift,
+                    sigma_v_per_s: scale * drift_sigma,
+                }),
                 extremes: None,
             }),
-            reference: Some(self.reference(shake, during)?),
+            reference: Some(self.reference(shaken, during)?),
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         })
     }
 
     /// What the reference saw; its rms is corrected for the droop of the converter's filter.
-    fn reference(&self, shake: &Shake, during: &SegmentSums) -> Result<ReferenceMoments, Error> {
-        let droop = droop(shake, self.conditions.sample_rate_hz);
+    fn reference(&self, shaken: &Shaken, during: &SegmentSums) -> Result<ReferenceMoments, Error> {
+        let droop = droop(&shaken.shake, self.conditions.sample_rate_hz);
         let mut seen = ReferenceMoments {
             rms_g: [0.0; 3],
             skewness: [0.0; 3],
@@ -507,7 +557,7 @@ impl Tables<'_> {
                 .volts_per_code(channel)
                 .map_err(|error| self.bad(error))?;
             let (rms, skewness, kurtosis) = during.shape(channel);
-            let rms_g = rms * scale / FRONT_END.reference_v_per_g / droop;
+            let rms_g = rms * scale / shaken.reference_v_per_g / droop;
             if rms_g > STANDS_STILL_G {
                 (seen.rms_g[axis], seen.skewness[axis], seen.kurtosis[axis]) =
                     (rms_g, skewness, kurtosis);

@@ -11,9 +11,9 @@ use shared::wire::configuration::{
 };
 use shared::wire::message;
 
-use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
 use crate::error::Error;
+use crate::front_end::FrontEnd;
 
 /// Files of a campaign that its hash is of, in this order; one that is not there counts as empty.
 const FILES: [&str; 3] = ["campaign.toml", "static.csv", "vibration.csv"];
@@ -85,24 +85,26 @@ fn date(days: u64) -> Date {
 }
 
 /// Compensation with these coefficients, in blocks of that many conversions. The instrument counts in volts at the
-/// converter: K1 (V/g at the instrument's output) shrinks by the front end's divider. The reference's zero is taken as 0 V.
+/// converter, so that K1 (V/g at its output) is taken through the front end. `reference_v_per_g` is the reference's scale
+/// at the converter; its zero is taken as 0 V.
 /// What cannot be, as K1 <= 0, the instrument refuses.
 pub fn configuration(
     known: &compensate::Calibration<f64>,
     front_end: &FrontEnd,
+    reference_v_per_g: f64,
     mode: Mode,
     source: Source,
     block_samples: u16,
 ) -> Configuration {
     let mut nominal = known.coefficients.to_nominal();
-    nominal[0] /= front_end.divider;
+    nominal[0] = front_end.converter_v(nominal[0]);
     Configuration {
         compensation: Compensation {
             mode: Some(mode),
             source,
             block_samples,
             nominal_v_per_g: nominal[0] as f32,
-            reference_v_per_g: [front_end.reference_v_per_g as f32; 3],
+            reference_v_per_g: [reference_v_per_g as f32; 3],
             reference_zero_v: [0.0; 3],
         },
         calibration: Some(Calibration {

@@ -39,6 +39,9 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+    /// The instrument's self-check came to something else than the same computation here.
+    #[error("instrument and host disagree by {0:.1e} of a coefficient")]
+    Disagreement(f64),
     /// A picture of the report could not be drawn.
     #[error("a picture cannot be drawn: {0}")]
     Picture(String),
@@ -76,7 +79,7 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::Read { .. } | Self::Usage(_) => 2,
-            Self::Write { .. } | Self::Picture(_) | Self::Link { .. } => 1,
+            Self::Write { .. } | Self::Picture(_) | Self::Link { .. } | Self::Disagreement(_) => 1,
         }
     }
 
@@ -133,11 +136,8 @@ pub enum Problem {
     /// NaN, an infinity, or a number beyond the range of a double.
     #[error("\"{}\" is not a finite number", clip(.0))]
     NotFinite(String),
-    /// A number that must be greater than zero.
-    #[error("{0} is not greater than zero")]
-    NotPositive(f64),
     /// A number outside of its range, both ends allowed.
-    #[error("{value} is outside of {low} to {high}")]
+    #[error("{} is outside of {} to {}", with_unit(*value, unit), decimal(*low), with_unit(*high, unit))]
     OutOfRange {
         /// The number.
         value: f64,
@@ -145,6 +145,20 @@ pub enum Problem {
         low: f64,
         /// Most that it can be.
         high: f64,
+        /// Unit of all three; empty for a pure number.
+        unit: &'static str,
+    },
+    /// A number nearer to zero than it can be.
+    #[error("{} is {}at least {} in magnitude", with_unit(*value, unit), if *zero { "neither 0 nor " } else { "not " }, with_unit(*smallest, unit))]
+    TooSmall {
+        /// The number.
+        value: f64,
+        /// Smallest magnitude that it can have.
+        smallest: f64,
+        /// Whether it could be zero.
+        zero: bool,
+        /// Unit of both; empty for a pure number.
+        unit: &'static str,
     },
     /// A word or number that is not among those allowed.
     #[error("\"{}\" is not {expected}", clip(value))]
@@ -157,6 +171,15 @@ pub enum Problem {
     /// A required column of a table is not there.
     #[error("is missing from the header")]
     MissingColumn,
+    /// Several required columns of a table are not there.
+    #[error("columns {} are missing from the header", .0.join(", "))]
+    MissingColumns(Vec<String>),
+    /// A key that is not known, and too like a known one to be meant otherwise.
+    #[error("is not known; is {known} meant?")]
+    LikeKnownKey {
+        /// The known key, with its table.
+        known: String,
+    },
     /// A column stands in the header twice.
     #[error("stands in the header twice")]
     DuplicateColumn,
@@ -215,6 +238,30 @@ impl From<&str> for Problem {
     fn from(sentence: &str) -> Self {
         Self::Other(sentence.into())
     }
+}
+
+/// A number as a person writes it: very large and very small ones with an exponent.
+pub fn decimal(value: f64) -> String {
+    match value.abs() {
+        size if size == 0.0 || (1e-4..1e6).contains(&size) => value.to_string(),
+        _ => format!("{value:e}"),
+    }
+}
+
+fn with_unit(value: f64, unit: &str) -> String {
+    match unit {
+        "" => decimal(value),
+        _ => format!("{} {unit}", decimal(value)),
+    }
+}
+
+/// Text from a file without the characters that steer a terminal: controls, and those that turn the direction of writing.
+pub fn printable(text: &str) -> String {
+    let steers = |c: char| {
+        c.is_control()
+            || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    text.chars().filter(|c| !steers(*c)).collect()
 }
 
 /// Text from outside, made safe for one line of a terminal: escaped, and cut after 40 characters.

@@ -11,11 +11,11 @@ use shared::rectification::Sensitivity;
 use shared::vibration::{Harmonic, Moments};
 
 use crate::campaign::{Campaign, Run, VibrationKind};
-use crate::diagnose::predict_refitted;
 use crate::error::Error;
-use crate::finite_record::unseen_variance_g2;
-use crate::identification::{fit, p_value};
+use crate::forward::finite_record::unseen_variance_g2;
 use crate::quantity::Quantity;
+use crate::refit::predict_refitted;
+use crate::statics::{fit, p_value};
 
 /// Standard deviation about zero that a prediction takes for each coefficient but K1 (in its own unit) when the static
 /// plan leaves some of them undetermined: about the root mean square of k1', k2, k3 and k4 in the paper's Table 1.
@@ -75,7 +75,7 @@ pub fn predict(
         bare
     };
     let refitted = if campaign.runs.iter().any(|run| run.measured.is_some()) {
-        predict_refitted(campaign, runs, prior_sigma)?
+        predict_refitted(campaign, [], runs, prior_sigma)?
             .into_iter()
             .map(Some)
             .collect()
@@ -105,8 +105,8 @@ pub fn predict(
 /// finite random record.
 pub fn predicted_vre_g(run: &Run, fit: &Fit<f64>) -> Quantity {
     let sensitivity = sensitivity(run);
-    let variance =
-        sensitivity.variance_g2(&fit.covariance) + unseen_variance_g2(run, &fit.coefficients);
+    let variance = sensitivity.variance_g2(&fit.covariance)
+        + unseen_variance_g2(&run.into(), &fit.coefficients);
     Quantity::new(
         sensitivity.vre_g(&fit.coefficients),
         variance.max(0.0).sqrt(),
@@ -120,7 +120,7 @@ pub fn measured_vre_g(run: &Run, coefficients: &Coefficients<f64>) -> Option<Qua
     let value = (measured.during_v - measured.before_v) / k1;
     Some(Quantity::new(
         value,
-        std::f64::consts::SQRT_2 * measured.sigma_v / k1,
+        std::f64::consts::SQRT_2 * measured.sigma_v / k1.abs(),
     ))
 }
 

@@ -8,7 +8,6 @@
 //! once the truth is known. What it does not: whoever has the folder has the key; give `label.key` to somebody else where
 //! that matters.
 
-use std::fs;
 use std::path::Path;
 
 use chacha20poly1305::aead::{Aead, KeyInit, Payload};
@@ -18,6 +17,7 @@ use sha2::{Digest, Sha256};
 
 use crate::campaign::Campaign;
 use crate::error::Error;
+use crate::input::read_at_most;
 use crate::output::write_file;
 
 const SEALED: &str = "label.sealed";
@@ -102,13 +102,13 @@ pub fn seal(folder: &Path, truth: &impl Serialize) -> Result<(), Error> {
 /// No seal or no key, a diagnosis of another instrument or none, or anything changed since the sealing.
 pub fn unseal(folder: &Path, diagnosis: &Path) -> Result<Opened, Error> {
     let campaign = Campaign::read(folder)?;
-    let diagnosed = read(diagnosis)?;
+    let diagnosed = read_at_most(diagnosis, MAX_BYTES)?;
     check_diagnosis(diagnosis, &diagnosed, &campaign.config.instrument.serial)?;
 
     let file = folder.join(SEALED);
     let broken = |what: &str| Error::input(&file, format!("{what}; this seal does not open"));
-    let sealed: Sealed =
-        serde_json::from_slice(&read(&file)?).map_err(|error| broken(&error.to_string()))?;
+    let sealed: Sealed = serde_json::from_slice(&read_at_most(&file, MAX_BYTES)?)
+        .map_err(|error| broken(&error.to_string()))?;
     if sealed.format != FORMAT {
         return Err(broken("is not of the format vre-sealed/1"));
     }
@@ -118,7 +118,7 @@ pub fn unseal(folder: &Path, diagnosis: &Path) -> Result<Opened, Error> {
         ));
     }
     let key_file = folder.join(KEY);
-    let key_text = String::from_utf8_lossy(&read(&key_file)?).into_owned();
+    let key_text = String::from_utf8_lossy(&read_at_most(&key_file, MAX_BYTES)?).into_owned();
     let key: [u8; 32] = from_hex(key_text.trim())
         .and_then(|bytes| bytes.try_into().ok())
         .ok_or_else(|| Error::input(&key_file, "is not a key of 64 hexadecimal digits"))?;
@@ -171,23 +171,12 @@ fn check_diagnosis(file: &Path, content: &[u8], serial: &str) -> Result<(), Erro
 fn fingerprint(folder: &Path) -> Result<String, Error> {
     let mut hash = Sha256::new();
     for name in VOUCHED {
-        let content = read(&folder.join(name))?;
+        let content = read_at_most(&folder.join(name), MAX_BYTES)?;
         hash.update(name.as_bytes());
         hash.update((content.len() as u64).to_le_bytes());
         hash.update(&content);
     }
     Ok(hex(&hash.finalize()))
-}
-
-fn read(file: &Path) -> Result<Vec<u8>, Error> {
-    let length = fs::metadata(file).map_err(Error::read(file))?.len();
-    if length > MAX_BYTES {
-        return Err(Error::input(
-            file,
-            format!("has more than {MAX_BYTES} bytes"),
-        ));
-    }
-    fs::read(file).map_err(Error::read(file))
 }
 
 fn hex(bytes: &[u8]) -> String {
@@ -206,6 +195,8 @@ fn from_hex(text: &str) -> Option<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::bench::noise::Seed;
     use crate::bench::plan::Static;

@@ -12,9 +12,9 @@ use shared::wire::message::{Event, Identity, Segment};
 use crate::campaign::Campaign;
 use crate::capture::RECORD;
 use crate::error::Error;
-use crate::identification;
 use crate::record::{self, RecordError};
 use crate::source::FileSource;
+use crate::statics;
 
 /// Largest difference between instrument and host that is rounding, relative to the coefficient, or to 1e-3 for smaller
 /// ones.
@@ -27,7 +27,7 @@ pub struct Verification {
     pub instrument: Outcome,
     /// As computed here from the record.
     pub host: Outcome,
-    /// Largest difference of a coefficient, on the scale of [`AGREEMENT`].
+    /// Largest difference of a coefficient, on the scale of [`AGREEMENT`]; the largest double if one is no number.
     pub difference: f64,
 }
 
@@ -78,22 +78,30 @@ pub fn verify(folder: &Path) -> Result<Verification, Error> {
             return Err(missing(&format!("blocks of reading {}", reading.order)));
         };
         // What the instrument has no room for does not count here either.
-        let _ = check.absorb(identification::position(reading), sums, v_per_code);
+        let _ = check.absorb(statics::position(reading), sums, v_per_code);
     }
     let host = check
         .conclude(&Limits::default(), None, 0)
         .map_err(|error| bad(&error))?;
-    let difference = (0..NOMINAL)
-        .map(|k| {
-            let (a, b) = (outcome.coefficients[k], host.coefficients[k]);
-            (a - b).abs() / b.abs().max(1e-3)
-        })
-        .fold(0.0, f64::max);
     Ok(Verification {
         instrument: outcome,
         host,
-        difference,
+        difference: difference(&outcome.coefficients, &host.coefficients),
     })
+}
+
+/// Largest difference between the coefficients of instrument and host, relative to the host's or to 1e-3.
+fn difference(instrument: &[f64; NOMINAL], host: &[f64; NOMINAL]) -> f64 {
+    let each = instrument.iter().zip(host).map(|(a, b)| {
+        let difference = (a - b).abs() / b.abs().max(1e-3);
+        // JSON has no infinity, and what is no number differs from any.
+        if difference.is_finite() {
+            difference
+        } else {
+            f64::MAX
+        }
+    });
+    each.fold(0.0, f64::max)
 }
 
 impl Replay {
@@ -112,6 +120,24 @@ impl Replay {
             }
             Event::Check(outcome) => self.outcome = Some(*outcome),
             _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_disagrees() {
+        let host = [1.0; NOMINAL];
+        assert_eq!(difference(&host, &host), 0.0);
+        for absurd in [f64::NAN, f64::INFINITY, -f64::INFINITY] {
+            for k in 0..NOMINAL {
+                let mut told = host;
+                told[k] = absurd;
+                assert!(difference(&told, &host) > AGREEMENT, "{absurd} in {k}");
+            }
         }
     }
 }

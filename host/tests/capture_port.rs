@@ -16,7 +16,7 @@ use firmware::adc::registers::Config;
 use host::bench::board::VirtualBoard;
 use host::bench::converter::{Converter, Signal};
 use host::campaign::Campaign;
-use host::identification::{Method, identify};
+use host::statics::{Method, identify};
 use host::verification::verify;
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -30,10 +30,12 @@ type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 const STEP: u64 = 40;
 const STEP_TIME: Duration = Duration::from_millis(10);
 
-/// An instrument of 1.2 V/g behind the divider by ten, at rest on a dial that stands where the host says, with some
+/// An instrument at rest on a dial that stands where the host says, with some
 /// noise.
 struct AtRest {
     input_v: f64,
+    /// Scale factor at the converter, V/g.
+    scale_v_per_g: f64,
     noise: u64,
 }
 
@@ -56,8 +58,13 @@ struct Instrument {
 }
 
 impl Instrument {
-    /// The cable is pulled after so many bytes from the host.
+    /// One of 1.2 V/g behind a divider by ten; the cable is pulled after so many bytes from the host.
     fn start(pulled_after: u64) -> Outcome<Self> {
+        Self::with_scale(0.12, pulled_after)
+    }
+
+    /// One with that scale factor at the converter.
+    fn with_scale(scale_v_per_g: f64, pulled_after: u64) -> Outcome<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
         grantpt(&master)?;
         unlockpt(&master)?;
@@ -68,7 +75,7 @@ impl Instrument {
         let port = PathBuf::from(ptsname(&master, Vec::new())?.into_string()?);
         let ends = Arc::new(AtomicBool::new(false));
         let ended = Arc::clone(&ends);
-        let board = thread::spawn(move || converse(master, pulled_after, &ended));
+        let board = thread::spawn(move || converse(master, scale_v_per_g, pulled_after, &ended));
         Ok(Self {
             port,
             ends,
@@ -86,13 +93,14 @@ impl Drop for Instrument {
     }
 }
 
-fn converse(master: OwnedFd, pulled_after: u64, ended: &AtomicBool) {
+fn converse(master: OwnedFd, scale_v_per_g: f64, pulled_after: u64, ended: &AtomicBool) {
     let mut line = File::from(master);
     let mut board = VirtualBoard::new(Converter::new(Config::default()), 40, *b"virtualboard");
     let mut commands = Deframer::new();
     let mut heard = 0;
     let mut signal = AtRest {
         input_v: 0.0,
+        scale_v_per_g,
         noise: 1,
     };
     let mut bytes = [0; 1024];
@@ -124,12 +132,15 @@ fn turn(commands: &mut Deframer, mut bytes: &[u8], signal: &mut AtRest) {
                 dial_deg: position.dial_deg,
                 mount_deg: position.mount_deg,
             };
-            signal.input_v = 0.12 * dial.specific_force().i;
+            signal.input_v = signal.scale_v_per_g * dial.specific_force().i;
         }
     }
 }
 
-fn bench(folder: &Path) -> Outcome<PathBuf> {
+/// What lies between the instruments of these tests and the converter.
+const DIVIDER: &str = "divider = 10.0";
+
+fn bench(folder: &Path, front_end: &str) -> Outcome<PathBuf> {
     let file = folder.join("bench.toml");
     let text = r#"format = "vre-campaign/1"
 [instrument]
@@ -144,17 +155,26 @@ reference_temp_c = 22.0
 [acquisition]
 sample_rate_hz = 400.0
 "#;
-    std::fs::write(&file, text)?;
+    std::fs::write(&file, format!("{text}{front_end}\n"))?;
     Ok(file)
 }
 
 fn capture(port: &Path, folder: &Path, answers: &str) -> Outcome<assert_cmd::assert::Assert> {
+    capture_behind(DIVIDER, port, folder, answers)
+}
+
+fn capture_behind(
+    front_end: &str,
+    port: &Path,
+    folder: &Path,
+    answers: &str,
+) -> Outcome<assert_cmd::assert::Assert> {
     let mut command = Command::cargo_bin("vre")?;
     command.args([
         "capture", "--plan", "paper", "--dwell", "0.2", "--settle", "0.02",
     ]);
     command.arg("--port").arg(port);
-    command.arg("--bench").arg(bench(folder)?);
+    command.arg("--bench").arg(bench(folder, front_end)?);
     command.arg("--out").arg(folder.join("campaign"));
     Ok(command.write_stdin(answers).assert())
 }
@@ -175,6 +195,33 @@ fn a_person_walks_through_the_plan_and_host_and_instrument_agree() -> Outcome {
     let found = verify(&out)?;
     assert!(found.agrees(), "{found:?}");
     assert_eq!(found.instrument.readings, 46);
+    Ok(())
+}
+
+#[test]
+fn readings_are_volts_at_the_instruments_output_by_the_front_end_of_its_own_bench() -> Outcome {
+    for (front_end, scale_at_converter, told) in [
+        (
+            "divider = 8.0\ngain = 2.0",
+            0.3,
+            "divider 8, gain 2 (as stated in",
+        ),
+        ("", 1.1, "straight to the converter (no divider or gain is"),
+    ] {
+        let folder = tempfile::tempdir()?;
+        let instrument = Instrument::with_scale(scale_at_converter, u64::MAX)?;
+        let assert = capture_behind(front_end, &instrument.port, folder.path(), "\n\nq\n")?;
+        let output = String::from_utf8(assert.success().get_output().stdout.clone())?;
+        assert!(output.contains(told), "{output}");
+        let campaign = Campaign::read(&folder.path().join("campaign"))?;
+        // At 0 and at 45 deg of series 1.
+        let expected_v = if front_end.is_empty() { 1.1 } else { 1.2 };
+        for (reading, a_i) in campaign.readings.iter().zip([-1.0, -0.5_f64.sqrt()]) {
+            // The dial moves as the reading begins: one or two of its 800 conversions are still of the position before.
+            let output_v = reading.output_v;
+            assert!((output_v - expected_v * a_i).abs() < 4e-3, "{output_v}");
+        }
+    }
     Ok(())
 }
 
@@ -299,10 +346,23 @@ fn an_instrument_keeps_the_coefficients_it_is_given_shows_them_and_forgets_them(
     assert!(kept["temperature_c"][0].as_f64() <= kept["temperature_c"][1].as_f64());
     let kept = &shown["configuration"];
     assert_eq!(kept["compensation"]["block_samples"], 80);
-    // In volts at the converter, behind the divider by ten.
+    // In volts at the converter: the simulated campaign states no front end.
     let found = identify(&Campaign::read(&campaign)?, Method::LeastSquares, None)?;
     let k1 = kept["calibration"]["coefficients"]["nominal"][0].as_f64();
-    assert_eq!(k1, Some(found.model.scale_factor_v_per_g / 10.0));
+    assert_eq!(k1, Some(found.model.scale_factor_v_per_g));
+    // As it states one, and as the option says otherwise.
+    let file = campaign.join("campaign.toml");
+    let stated = std::fs::read_to_string(&file)?
+        .replace("[acquisition]", "[acquisition]\ndivider = 10.0\ngain = 2.0");
+    std::fs::write(&file, stated)?;
+    for (more, ratio) in [(&[][..], 5.0), (&["--divider", "4"], 4.0)] {
+        let mut arguments = vec![campaign.to_str().ok_or("a path")?];
+        arguments.extend(more);
+        let given = configure(&arguments)?;
+        let k1 = given["configuration"]["calibration"]["coefficients"]["nominal"][0].as_f64();
+        let expected = found.model.scale_factor_v_per_g / ratio;
+        assert!(k1.is_some_and(|k1| (k1 / expected - 1.0).abs() < 1e-14));
+    }
 
     // With what a diagnosis found beyond the nominal model.
     let odd = simulate(folder.path(), "odd", &["--effect", "odd-quadratic"])?;

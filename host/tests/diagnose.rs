@@ -1,15 +1,24 @@
 //! The diagnosis against the virtual bench, whose effects act on waveforms and know no averaged formula.
 
+use std::sync::OnceLock;
+
 use host::bench::effects;
 use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Simulation, Specification, VirtualBench};
-use host::campaign::Run;
-use host::diagnose::blind::blind_check;
-use host::diagnose::catalogue::{self, Action};
-use host::diagnose::fit::Member;
-use host::diagnose::problem::{Block, Problem};
-use host::diagnose::{Verdict, diagnose, predict_refitted, predict_with_effects};
+use host::campaign::{Campaign, Run, VibrationKind};
+use host::campaign_model::CampaignModel;
+use host::campaign_model::assumptions::Assumptions;
+use host::diagnose::{Diagnosis, Verdict, diagnose};
+use host::effects::identity::Stage;
+use host::effects::{self as catalogue, Action};
+use host::forward::contribution::Observable;
+use host::forward::nominal::coefficients;
+use host::quantity::Quantity;
+use host::refit::predict_refitted;
+use host::study::{Kind, Score, Scoreboard, blind_check};
+use inference::model::{Member, SeparableModel};
+use rayon::prelude::*;
 
 fn simulate(seed: u64, effect: Option<(&str, f64)>) -> Simulation {
     let seed = Seed(seed);
@@ -42,72 +51,135 @@ fn member(id: &str, simulation: &Simulation) -> Member {
         name => value(name),
     };
     Member {
-        effect,
+        component: 0,
         values: effect.parameters.iter().map(|p| of(p.name)).collect(),
     }
 }
 
-#[test]
-fn every_forward_model_is_what_the_effect_does_in_the_time_domain() {
-    for effect in catalogue::catalogue().filter(|e| !matches!(e.action, Action::Scatters(_))) {
-        // The effect's own difference: both campaigns have the same noise.
-        let (bare, with) = (simulate(11, None), simulate(11, Some((effect.id, 1.0))));
-        let mut problem = Problem::new(&bare.campaign, &[]);
-        let mut changed = Problem::with_scale(&with.campaign, &[], problem.scale_v_per_g);
-        let mut theta = bare.truth.coefficients;
-        theta[0] /= problem.scale_v_per_g;
-        for k in 1..theta.len() {
-            theta[k] *= theta[0];
-        }
-        let coefficients = host::diagnose::fit::nominal(&theta);
-        problem.suppose(coefficients);
-        changed.suppose(coefficients);
-        // What the reference saw and how far the output went belongs to the campaign with the effect.
-        let says = changed.prediction(&[member(effect.id, &with)], &theta);
-        let nothing = problem.prediction(&[], &theta);
-        let (mut square, mut error, mut scatter, mut random) = (0.0, 0.0, 0.0, 0.0);
-        for block in [
-            Block::Static,
-            Block::Before,
-            Block::During,
-            Block::After,
-            Block::Drift,
-        ] {
-            for (n, row) in problem.range(block).enumerate() {
-                let truth = changed.observed.values[row] - problem.observed.values[row];
-                let miss = truth - (says.0[row] - nothing.0[row]);
-                let is_random = block == Block::During
-                    && problem.situation.runs[n].band_hz[0] < problem.situation.runs[n].band_hz[1];
-                if is_random {
-                    // A record of 8 s has moments and a spectrum of its own: within its stated variance.
-                    let variance = says.1[n] * problem.weights[row].powi(2);
-                    scatter += miss * miss / (1.0 + variance + 1e-3 * truth * truth);
-                    random += 1.0;
-                } else {
-                    square += truth * truth;
-                    error += miss * miss;
-                }
+/// Refitted vibration errors of runs, with the effects that a diagnosis found.
+fn predicted(campaign: &Campaign, diagnosis: &Diagnosis, runs: &[Run]) -> Vec<Quantity> {
+    predict_refitted(campaign, diagnosis.serving(), runs, None).unwrap()
+}
+
+/// What a campaign with an effect differs by from one without, of the same noise, less what the forward model says.
+struct Misses {
+    /// Squares over all rows but random runs': of the effect, and of the miss.
+    square: f64,
+    error: f64,
+    /// Of each random run the miss, what the effect does, and the variance that the model states for the effect alone, all
+    /// in units of noise.
+    random: Vec<[f64; 3]>,
+}
+
+fn misses(effect: &'static catalogue::Effect, seed: u64) -> Misses {
+    let (bare, with) = (simulate(seed, None), simulate(seed, Some((effect.id, 1.0))));
+    let mut model = CampaignModel::new(&bare.campaign, &[], &[effect]);
+    let scale_v_per_g = model.scale_v_per_g();
+    let mut changed = CampaignModel::with_scale(
+        &with.campaign,
+        &[],
+        &[effect],
+        &Assumptions::default(),
+        scale_v_per_g,
+    );
+    let mut truth = bare.truth.coefficients;
+    truth[0] /= scale_v_per_g;
+    for k in 1..truth.len() {
+        truth[k] *= truth[0];
+    }
+    model.believe(coefficients(&truth));
+    changed.believe(coefficients(&truth));
+    // What the reference saw and how far the output went belongs to the campaign with the effect.
+    let says = changed.prediction(&[member(effect.id, &with)], &truth);
+    let nothing = model.prediction(&[], &truth);
+    let [now, then] = [&changed, &model].map(|m| &m.observations().observed().values);
+    let mut misses = Misses {
+        square: 0.0,
+        error: 0.0,
+        random: Vec::new(),
+    };
+    for observable in [
+        Observable::Static,
+        Observable::Before,
+        Observable::During,
+        Observable::After,
+        Observable::Drift,
+    ] {
+        for (n, row) in model.rows(observable).enumerate() {
+            let truth = now[row] - then[row];
+            let miss = truth - (says.0[row] - nothing.0[row]);
+            let is_random = observable == Observable::During
+                && model.conditions().runs[n].kind == VibrationKind::Random;
+            if is_random {
+                // A record of 8 s has moments and a spectrum of its own, within its stated variance.
+                let stated = (says.1[n] - nothing.1[n]) * model.observations().weight(row).powi(2);
+                misses.random.push([miss, truth, stated]);
+            } else {
+                misses.square += truth * truth;
+                misses.error += miss * miss;
             }
         }
-        let relative = (error / square.max(1.0)).sqrt();
+    }
+    misses
+}
+
+/// Effects that make of a random record far more than noise, so that its own moments and spectrum show.
+const SHOWN_BY_RECORDS: [&str; 6] = [
+    "quintic",
+    "sextic",
+    "loop-bandwidth",
+    "saturation",
+    "fixture-resonance",
+    "shaker-distortion",
+];
+
+#[test]
+fn every_forward_model_is_what_the_effect_does_in_the_time_domain() {
+    for effect in catalogue::catalogue().filter(|e| !matches!(e.action, Action::AddsVariance(_))) {
+        let found = misses(effect, 11);
+        let relative = (found.error / found.square.max(1.0)).sqrt();
         assert!(relative < 0.02, "{}: {relative}", effect.id);
-        let rms = (scatter / random).sqrt();
-        assert!(rms < 2.5, "{}: random runs {rms}", effect.id);
+        let scatter = found.random.iter().map(|[miss, truth, stated]| {
+            miss * miss / (1.0 + stated.max(0.0) + 1e-3 * truth * truth)
+        });
+        let mean = scatter.sum::<f64>() / found.random.len() as f64;
+        assert!(mean < 4.0, "{}: random runs {mean}", effect.id);
     }
 }
 
+/// A standard deviation three times too large gives a mean square of 0.11, one three times too small 9. What is stated is a
+/// bound on a bandwidth-time product, not a fit: within a factor of two of the standard deviation.
+#[test]
+fn the_variance_stated_of_finite_records_is_that_of_the_bench_from_both_sides() {
+    for id in SHOWN_BY_RECORDS {
+        let effect = catalogue::find(id).unwrap();
+        let seeds = (11..19_u64).into_par_iter();
+        let random: Vec<[f64; 3]> = seeds
+            .flat_map_iter(|seed| misses(effect, seed).random)
+            .collect();
+        // Four times the variance of noise and more.
+        let shown: Vec<&[f64; 3]> = random.iter().filter(|r| r[2] > 4.0).collect();
+        assert!(shown.len() > 10, "{id}");
+        let squares = shown.iter().map(|[miss, _, stated]| miss * miss / stated);
+        let mean = squares.sum::<f64>() / shown.len() as f64;
+        assert!((0.25..4.0).contains(&mean), "{id}: {mean}");
+    }
+}
+
+/// With none in 150, a rate of 1 in 50 is excluded with a probability of 0.95; with three, one of 1 in 20 is.
 #[test]
 fn a_campaign_without_effects_has_no_gap() {
-    let seeds = 12;
-    let quiet = (0..seeds).filter(|&seed| {
-        let simulation = simulate(1000 + seed, None);
-        diagnose(&simulation.campaign, &[])
+    let seeds: Vec<u64> = (1000..1150).collect();
+    let loud = seeds.into_par_iter().filter(|&seed| {
+        let simulation = simulate(seed, None);
+        let verdict = diagnose(&simulation.campaign, &[])
             .unwrap()
             .diagnosis
-            .verdict
-            == Verdict::NoGap
+            .verdict;
+        verdict != Verdict::NoGap
     });
-    assert_eq!(quiet.count() as u64, seeds);
+    let loud: Vec<u64> = loud.collect();
+    assert!(loud.len() <= 3, "seeds {loud:?}");
 }
 
 #[test]
@@ -125,20 +197,16 @@ fn an_effect_is_named_and_closes_the_gap_on_runs_that_were_held_out() {
         // None of these has a coefficient on board; that of the characteristic is told why.
         let compensation = diagnosis.compensation.as_ref().unwrap();
         assert!(compensation.carried.is_empty());
-        let statics = catalogue::find(id).unwrap().stage == catalogue::Stage::InstrumentStatics;
+        let statics = catalogue::find(id).unwrap().stage == Stage::InstrumentStatics;
         let left = if statics { vec![id] } else { vec![] };
         assert_eq!(compensation.not_carried, left);
         assert_eq!(compensation.rank, 11);
         let text = serde_json::to_string(&diagnosis).unwrap();
         assert_eq!(
-            serde_json::from_str::<host::diagnose::Diagnosis>(&text)
-                .unwrap()
-                .which,
+            serde_json::from_str::<Diagnosis>(&text).unwrap().which,
             diagnosis.which
         );
-        let predicted =
-            predict_with_effects(&simulation.campaign, &diagnosis, &simulation.holdout, None)
-                .unwrap();
+        let predicted = predicted(&simulation.campaign, &diagnosis, &simulation.holdout);
         for (quantity, truth) in predicted.iter().zip(&simulation.truth.holdout_vre_g) {
             let (value, sigma) = quantity.known().unwrap();
             assert!(
@@ -160,8 +228,8 @@ fn an_effect_taken_out_of_the_catalogue_is_unexplained() {
     // What fits for no known reason is not added to predictions.
     let (campaign, runs) = (&simulation.campaign, &simulation.holdout);
     assert_eq!(
-        predict_with_effects(campaign, &diagnosis, runs, None).unwrap(),
-        predict_refitted(campaign, runs, None).unwrap()
+        predicted(campaign, &diagnosis, runs),
+        predict_refitted(campaign, [], runs, None).unwrap()
     );
     assert!(diagnose(&simulation.campaign, &["nonsense".to_owned()]).is_err());
 }
@@ -203,8 +271,8 @@ fn a_prediction_learns_nothing_from_the_runs_that_it_predicts() {
     let kept_back = campaign.runs.split_off(60);
     let unmade: Vec<Run> = kept_back.iter().map(Run::unmade).collect();
     assert_eq!(
-        predict_refitted(&campaign, &kept_back, None).unwrap(),
-        predict_refitted(&campaign, &unmade, None).unwrap()
+        predict_refitted(&campaign, [], &kept_back, None).unwrap(),
+        predict_refitted(&campaign, [], &unmade, None).unwrap()
     );
     // A run of the campaign's number under another condition is another run.
     let louder = Run {
@@ -216,25 +284,55 @@ fn a_prediction_learns_nothing_from_the_runs_that_it_predicts() {
         ..louder.clone()
     };
     assert_eq!(
-        predict_refitted(&campaign, &[louder], None).unwrap(),
-        predict_refitted(&campaign, &[renamed], None).unwrap()
+        predict_refitted(&campaign, [], &[louder], None).unwrap(),
+        predict_refitted(&campaign, [], &[renamed], None).unwrap()
     );
 }
 
+/// One round of the study's cases.
+fn study() -> &'static Scoreboard {
+    static STUDY: OnceLock<Scoreboard> = OnceLock::new();
+    STUDY.get_or_init(|| blind_check(134, 17, &[], || {}).unwrap())
+}
+
+#[test]
+fn a_study_names_singles_and_pairs_and_says_when_nothing_known_explains() {
+    let board = study();
+    let share = |kind: Kind, scores: &[Score]| {
+        let of_kind = board.outcomes.iter().filter(|o| o.kind == kind);
+        let all: Vec<bool> = of_kind.map(|o| scores.contains(&o.score)).collect();
+        let share = all.iter().filter(|found| **found).count() as f64 / all.len() as f64;
+        println!("{kind:?} {scores:?}: {share:.3} of {}", all.len());
+        share
+    };
+    println!("Brier score {:.4}", board.brier_score());
+    let named = [Score::Right, Score::InClass];
+    let alarm = [Score::Wrong, Score::Unexplained];
+    assert!(share(Kind::Single, &named) > 0.85);
+    assert!(share(Kind::Pair, &named) > 0.65);
+    assert!(share(Kind::Withheld, &[Score::Right]) > 0.6);
+    assert!(share(Kind::OutsideCatalogue, &[Score::Right]) > 0.6);
+    assert!(share(Kind::Nothing, &alarm) < 0.1);
+    assert!(share(Kind::NothingPaperPlan, &alarm) < 0.1);
+    assert!(board.brier_score() < 0.06);
+}
+
 /// Of hold-out runs that the diagnosis never saw: what the effects close lies in the stated interval (nine in ten, were the
-/// runs those that the interval is about), and predictions are never made worse by more than a twentieth.
+/// runs those that the interval is about), and predictions are made worse by more than a twentieth
+/// in one of a hundred at most.
 #[test]
 fn what_effects_close_on_new_runs_is_what_is_stated() {
-    let board = blind_check(134, 17, &[], || {}).unwrap();
-    let (mut held, mut all) = (0, 0);
+    let board = study();
+    let (mut held, mut all, mut worse) = (0, 0, 0);
     for outcome in &board.outcomes {
-        assert!(outcome.hold_out_ratio < 1.05, "{outcome:?}");
+        worse += usize::from(outcome.hold_out_ratio > 1.05);
         if let (Some(closed), Some([low, high])) = (outcome.closed, outcome.closed_interval) {
             held += usize::from((low..=high).contains(&closed));
             all += 1;
         }
     }
     // With a chance of 1 in 1000 of so few, were it eight in ten.
+    assert!(worse <= 2, "{worse} of {}", board.outcomes.len());
     let fewest = 0.8 * all as f64 - 3.1 * (0.16 * all as f64).sqrt();
     assert!(all > 60 && held as f64 > fewest, "{held} of {all}");
 }

@@ -22,6 +22,9 @@ pub const NOMINAL: usize = 11;
 /// Number of further coefficients, zero unless a diagnosis asks for them.
 pub const FURTHER: usize = 5;
 
+/// Symbols of the further coefficients, in the order of [`Coefficients::to_further`].
+pub const FURTHER_NAMES: [&str; FURTHER] = ["k5", "K0_prime", "Koq", "Kpp", "Koo"];
+
 /// A vector of specific force on the instrument's axes, in g.
 #[doc(alias = "a")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -97,6 +97,9 @@ impl Series {
     }
 }
 
+/// One second of arc, rad.
+pub const ARCSEC_RAD: f64 = core::f64::consts::PI / 648_000.0;
+
 /// The same angle in [0, 360) deg: equal places on the dial are equal numbers.
 pub fn within_a_turn(angle_deg: f64) -> f64 {
     num_traits::Euclid::rem_euclid(&angle_deg, &360.0)

@@ -34,9 +34,16 @@ impl<T: Real> Random<T> {
         let s = sigma_g;
         Self {
             sigma_g: SpecificForce::new(s.i.abs(), s.p.abs(), s.o.abs()),
-            correlation: [sign(s.i * s.p), sign(s.i * s.o), sign(s.p * s.o)],
+            correlation: line_correlation(s),
         }
     }
+}
+
+/// Correlation of the axes IA-PA, IA-OA, PA-OA in motion along one line: the sign of the product of its components, 0
+/// where an axis stands still.
+pub fn line_correlation<T: Real>(along: SpecificForce<T>) -> [T; 3] {
+    let SpecificForce { i, p, o } = along;
+    [sign(i * p), sign(i * o), sign(p * o)]
 }
 
 /// Time means of the three functions of a_I = a0 + w_I that are no polynomial; of the two that do not jump only what they are

@@ -82,23 +82,36 @@ fn measure(
 
 /// Two passes: about the nominal instrument, then about what the first found.
 fn identify(readings: &[Reading<f64>], bench: Bench<f64>) -> Fit<f64> {
+    identify_beside(readings, bench, None)
+}
+
+fn identify_beside(
+    readings: &[Reading<f64>],
+    bench: Bench<f64>,
+    prior_sigma: Option<&[f64; NOMINAL]>,
+) -> Fit<f64> {
     let mounts: std::collections::HashSet<_> = readings
         .iter()
         .map(|r| (r.position.series, r.position.mount_deg.to_bits()))
         .collect();
+    let marks: std::collections::HashSet<_> = readings
+        .iter()
+        .map(|r| r.position.dial_deg.to_bits())
+        .collect();
+    let marks = marks.len();
     let mut about = Coefficients::default();
     let mut found = Vec::new();
     let mut fit = None;
     for _pass in 0..2 {
-        let mut workspace = vec![0.0; workspace_len(40, mounts.len())];
-        let mut test = StaticTest::new(bench, about, 40, mounts.len(), &mut workspace).unwrap();
+        let mut workspace = vec![0.0; workspace_len(marks, mounts.len())];
+        let mut test = StaticTest::new(bench, about, marks, mounts.len(), &mut workspace).unwrap();
         for mount in &found {
             test.linearise_mount(mount).unwrap();
         }
         for reading in readings {
             test.absorb(reading).unwrap();
         }
-        let solved = test.solve(None).unwrap();
+        let solved = test.solve(prior_sigma).unwrap();
         about = solved.coefficients;
         found = test.mount_estimates(&about).collect();
         fit = Some(solved);
@@ -276,12 +289,14 @@ fn papers_plan_determines_all_but_one_direction_and_states_no_uncertainty_along_
     let plan: Vec<_> = paper_plan().collect();
     let bench = bench(5.8);
     let campaigns = 400;
-    let mut z2 = [0.0; NOMINAL];
+    let (mut z2, mut chi2) = ([0.0; NOMINAL], 0.0);
     for seed in 0..campaigns {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let truth = random_instrument(&mut rng);
         let fit = identify(&measure(&plan, &truth, &bench, &mut rng), bench);
         assert_eq!(fit.visibility.rank, 10);
+        assert_eq!(fit.degrees_of_freedom(), 14);
+        chi2 += fit.chi2 / campaigns as f64;
         let blind = fit.visibility.blind_directions()[0];
         let along: f64 = (0..NOMINAL)
             .map(|i| {
@@ -300,6 +315,9 @@ fn papers_plan_determines_all_but_one_direction_and_states_no_uncertainty_along_
             *z2 += error.powi(2) / fit.covariance[k][k] / campaigns as f64;
         }
     }
+    // Within five standard deviations of the mean of `campaigns` values with 14 degrees of freedom.
+    let bound = 5.0 * (2.0 * 14.0 / campaigns as f64).sqrt();
+    assert!((chi2 - 14.0).abs() < bound, "mean chi-square {chi2}");
     for k in (0..NOMINAL).filter(|k| ![2, 3, 5].contains(k)) {
         let bound = 5.0 * (2.0 / campaigns as f64).sqrt();
         assert!(
@@ -308,6 +326,62 @@ fn papers_plan_determines_all_but_one_direction_and_states_no_uncertainty_along_
             z2[k]
         );
     }
+}
+
+#[test]
+fn angles_read_off_an_encoder_are_as_blind_as_the_nominal_ones() {
+    // 24 angles, each off by up to some thousandths of a degree, and known to be.
+    let nominal: Vec<_> = paper_plan().collect();
+    let bench = bench(5.8);
+    let mut rng = ChaCha8Rng::seed_from_u64(8);
+    for step_deg in [1e-4, 1e-3, 1e-2] {
+        let read: Vec<_> = nominal
+            .iter()
+            .map(|p| Position {
+                dial_deg: p.dial_deg + (3.0 * normal(&mut rng)).round() * step_deg,
+                ..*p
+            })
+            .collect();
+        let truth = random_instrument(&mut rng);
+        let fit = identify(&measure(&read, &truth, &bench, &mut rng), bench);
+        assert_eq!(fit.visibility.rank, 10, "{step_deg} deg");
+        for k in 0..NOMINAL {
+            let blind = [2, 3, 5].contains(&k);
+            assert_eq!(fit.visibility.determines(k), !blind, "coefficient {k}");
+        }
+        // The published direction, as far as the angles are the paper's.
+        let direction = fit.visibility.blind_directions()[0];
+        for (k, published) in [(2, -0.4459), (3, 0.8153), (5, -0.3694)] {
+            assert!((direction[k] - published).abs() < 0.02, "{direction:?}");
+        }
+        let of = |plan: &[Position]| {
+            let mut rng = ChaCha8Rng::seed_from_u64(9);
+            let readings = measure(plan, &truth, &bench, &mut rng);
+            identify_beside(&readings, bench, Some(&[5e-4; NOMINAL]))
+        };
+        let along = SpecificForce::new(1.0, 0.0, 0.0);
+        let sigma_g = |fit: &Fit<f64>| {
+            let white = Sensitivity::new(0.0, Random::along(along));
+            white.variance_g2(&fit.covariance).sqrt()
+        };
+        let ratio = sigma_g(&of(&read)) / sigma_g(&of(&nominal));
+        assert!((ratio - 1.0).abs() < 0.02, "{step_deg} deg: {ratio}");
+    }
+}
+
+#[test]
+fn what_a_coarse_dial_leaves_to_the_prior_is_told_as_blind() {
+    let plan = twice(full_rank_plan(), 0.0);
+    let determined = [5.8, 600.0].map(|dial_arcsec| {
+        let bench = bench(dial_arcsec);
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let readings = measure(&plan, &Coefficients::default(), &bench, &mut rng);
+        let seen = identify(&readings, bench).visibility;
+        [0, 2, 3, 4, 5].map(|k| seen.determines(k))
+    });
+    assert_eq!(determined[0], [true; 5]);
+    // 600 arcsec are up to 3e-3 g at every reading but those at +-1 g: k1', k2, k3 and k4 of 5e-4 drown, K1 does not.
+    assert_eq!(determined[1], [true, false, false, false, false]);
 }
 
 #[test]

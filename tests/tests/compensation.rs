@@ -10,13 +10,13 @@ use firmware::adc::registers::{Config, Oversampling, REFERENCE_V};
 use host::bench::board::VirtualBoard;
 use host::bench::converter::{Converter, OVERSAMPLING, Quiet, Signal};
 use host::bench::effects;
-use host::bench::excitation::FrontEnd;
 use host::bench::noise::{Seed, Stream};
 use host::bench::plan::Static;
 use host::bench::simulate::{Specification, VirtualBench};
 use host::configuration::configuration as configuration_of;
 use host::diagnose::diagnose;
-use host::identification::{Method, NAMES, identify};
+use host::front_end::FrontEnd;
+use host::statics::{Method, NAMES, identify};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use shared::compensate::{CLAIMED_BAND, Mode, Quality, Source};
@@ -30,8 +30,10 @@ use shared::wire::version;
 /// 30 g at the converter's end for an instrument of 1.6 V/g and for the reference: noise of 5 g rms has peaks of 20 g.
 const FRONT_END: FrontEnd = FrontEnd {
     divider: 40.0,
-    reference_v_per_g: 0.04,
+    gain: 1.0,
 };
+/// Scale of the reference at the converter, V/g.
+const REFERENCE_V_PER_G: f64 = 0.04;
 
 const V_PER_CODE: f64 = REFERENCE_V / 8_388_608.0;
 
@@ -103,7 +105,7 @@ impl Signal for Shaken<'_> {
         for (n, out) in out.iter_mut().enumerate() {
             let a = self.specific_force_g(first + n);
             let u = self.instrument.output_v(a) / FRONT_END.divider;
-            let [i, p, o] = [a.i, a.p, a.o].map(|a| FRONT_END.reference_v_per_g * a);
+            let [i, p, o] = [a.i, a.p, a.o].map(|a| REFERENCE_V_PER_G * a);
             *out = [u, i, p, o];
         }
     }
@@ -262,7 +264,7 @@ fn configuration(c: &Coefficients<f64>, block: u64, mode: Mode, source: Source) 
             source,
             block_samples: block as u16,
             nominal_v_per_g: nominal[0] as f32,
-            reference_v_per_g: [FRONT_END.reference_v_per_g as f32; 3],
+            reference_v_per_g: [REFERENCE_V_PER_G as f32; 3],
             reference_zero_v: [0.0; 3],
         },
         calibration: Some(Calibration {
@@ -611,7 +613,7 @@ fn conversions_lost_inside_a_block_spoil_nothing() {
             assert!(block.quality.is_sound(), "{:?}", block.quality);
         }
         // What is left of the samples does not mean a0, but the reference saw the same.
-        let truth_g = mean_v(&line.blocks, 1) / FRONT_END.reference_v_per_g;
+        let truth_g = mean_v(&line.blocks, 1) / REFERENCE_V_PER_G;
         let before_g = (plain_g(&line.blocks, &instrument, a0) - truth_g).abs();
         let after_g = (mean_g(freed) - truth_g).abs();
         assert!(
@@ -631,7 +633,14 @@ fn configure_from_static_test(line: &mut Line, plan: Static, seed: u64) -> Coeff
     let found = found.expect("determined");
     let block = line.block as u16;
     let known = found.calibration();
-    let with = configuration_of(&known, &FRONT_END, Mode::Block, Source::Reference, block);
+    let with = configuration_of(
+        &known,
+        &FRONT_END,
+        REFERENCE_V_PER_G,
+        Mode::Block,
+        Source::Reference,
+        block,
+    );
     line.configure(with);
     bench.accelerometer.coefficients
 }
@@ -711,7 +720,14 @@ fn a_diagnosed_term_is_taken_out_on_board_with_its_uncertainty_stated() {
         ];
         for (n, known) in known.iter().enumerate() {
             let block = line.block as u16;
-            let with = configuration_of(known, &FRONT_END, Mode::Block, Source::Reference, block);
+            let with = configuration_of(
+                known,
+                &FRONT_END,
+                REFERENCE_V_PER_G,
+                Mode::Block,
+                Source::Reference,
+                block,
+            );
             line.configure(with);
             for (k, waveform) in waveforms.iter().enumerate() {
                 let mut signal = Shaken {

@@ -5,7 +5,8 @@ use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Specification, VirtualBench};
 use host::campaign::Campaign;
-use host::diagnose::{diagnose, text};
+use host::diagnose::diagnose;
+use host::report::diagnosis_text;
 
 const README: &str = include_str!("../../README.md");
 
@@ -20,7 +21,7 @@ fn diagnosis_shown_in_the_readme_is_the_one_that_is_printed() {
     let folder = tempfile::tempdir().unwrap();
     bench.simulate().campaign.write(folder.path()).unwrap();
     let campaign = Campaign::read(folder.path()).unwrap();
-    let printed = text(&diagnose(&campaign, &[]).unwrap().diagnosis);
+    let printed = diagnosis_text(&diagnose(&campaign, &[]).unwrap().diagnosis);
     for line in printed.lines().filter(|line| !line.trim().is_empty()) {
         assert!(
             README.contains(line.trim()),

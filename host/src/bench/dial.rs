@@ -1,17 +1,15 @@
 //! The dividing head on its base: from a nominal attitude to the specific force the instrument really feels.
 //!
 //! Each mark of the dial has an error of its own, the same in every series, mount and sense of approach; each
-//! setting repeats it within the head's repeatability. A remounted instrument sits at an angle known only to
-//! the mount's uncertainty, one error per series and mount. The base is out of level by two angles common to
+//! setting repeats it within the head's repeatability. A mounted instrument sits at an angle known only to
+//! the mount's uncertainty, one error per series and mount, the first one too. The base is out of level by two angles common to
 //! everything: one adds to the dial's zero, the other lifts the axis of rotation out of the horizontal.
 
-use super::effects::Effect;
+use shared::tumble::ARCSEC_RAD;
+
 use super::noise::Seed;
 use super::plan::Dwell;
 use crate::campaign::Series;
-
-/// Radians in one second of arc.
-pub const ARCSEC_RAD: f64 = std::f64::consts::PI / 648_000.0;
 
 /// Standard uncertainties of a head and its base, arcsec.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +18,7 @@ pub struct HeadSpecification {
     pub dial_sigma_arcsec: f64,
     /// Of one setting to a mark.
     pub repeat_sigma_arcsec: f64,
-    /// Of a remounting angle.
+    /// Of the angle at which the instrument is mounted.
     pub mount_sigma_arcsec: f64,
     /// Of each of the base's two tilts.
     pub level_sigma_arcsec: f64,
@@ -48,15 +46,10 @@ impl Head {
         self.specification.dial_sigma_arcsec * self.seed.stream("dial mark", mark).normal()
     }
 
-    /// Error of the instrument's angle on the shaft, arcsec; none as first mounted, which defines it.
+    /// Error of the instrument's angle on the shaft, arcsec: one for each series and mount, the first one too.
     pub fn mount_error_arcsec(&self, series: Series, mount_deg: f64) -> f64 {
-        match arcseconds(mount_deg) {
-            0 => 0.0,
-            mount => {
-                let index = mount + ((series as u64) << 32);
-                self.specification.mount_sigma_arcsec * self.seed.stream("mount", index).normal()
-            }
-        }
+        let index = arcseconds(mount_deg) + ((series as u64) << 32);
+        self.specification.mount_sigma_arcsec * self.seed.stream("mount", index).normal()
     }
 
     /// The base's two tilts, arcsec: of the dial's zero, and of the axis of rotation.
@@ -65,26 +58,33 @@ impl Head {
         [(); 2].map(|()| self.specification.level_sigma_arcsec * stream.normal())
     }
 
-    /// The specific force on IA, PA, OA in units of local gravity at a dwell, number `order` of the campaign.
-    pub fn specific_force(
-        &self,
-        dwell: &Dwell,
-        order: u64,
-        effects: &[Box<dyn Effect>],
-    ) -> [f64; 3] {
-        let [mut zero, mut lift] = self.tilts_arcsec().map(|tilt| tilt * ARCSEC_RAD);
+    /// The head as it really stands at a dwell, number `order` of the campaign.
+    pub fn setting(&self, dwell: &Dwell, order: u64) -> Setting {
         let repeat = self.seed.stream("dial repeatability", order).normal();
-        let mut error = ARCSEC_RAD
-            * (self.mark_error_arcsec(dwell.dial_deg)
-                + self.mount_error_arcsec(dwell.series, dwell.mount_deg)
-                + self.specification.repeat_sigma_arcsec * repeat);
-        for effect in effects {
-            error += effect.dial_error_rad(dwell);
-            let tilts = effect.base_tilt_rad();
-            zero += tilts[0];
-            lift += tilts[1];
+        let error_arcsec = self.mark_error_arcsec(dwell.dial_deg)
+            + self.mount_error_arcsec(dwell.series, dwell.mount_deg)
+            + self.specification.repeat_sigma_arcsec * repeat;
+        Setting {
+            error_rad: ARCSEC_RAD * error_arcsec,
+            tilts_rad: self.tilts_arcsec().map(|tilt| tilt * ARCSEC_RAD),
         }
-        let angle = (dwell.dial_deg + dwell.mount_deg).to_radians() + error + zero;
+    }
+}
+
+/// How far a head stands off the nominal attitude of a dwell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    /// Of the instrument's angle, rad: mark, mount and repeatability.
+    pub error_rad: f64,
+    /// Of the base, rad: the tilt that adds to the dial's zero, the tilt that lifts the axis of rotation.
+    pub tilts_rad: [f64; 2],
+}
+
+impl Setting {
+    /// The specific force on IA, PA, OA at a dwell, in units of local gravity.
+    pub fn specific_force(&self, dwell: &Dwell) -> [f64; 3] {
+        let [zero, lift] = self.tilts_rad;
+        let angle = (dwell.dial_deg + dwell.mount_deg).to_radians() + self.error_rad + zero;
         attitude(dwell.series, angle, lift)
     }
 }
@@ -154,12 +154,17 @@ mod tests {
             &collect(&|head| head.mount_error_arcsec(Series::PendulousAxis, 180.0)),
             60.0,
         );
+        assert_sigma(
+            &collect(&|head| head.mount_error_arcsec(Series::OutputAxis, 0.0)),
+            60.0,
+        );
         assert_sigma(&collect(&|head| head.tilts_arcsec()[0]), 3.0);
         assert_sigma(&collect(&|head| head.tilts_arcsec()[1]), 3.0);
         // Two settings of one mark differ by their repeatability alone, sqrt 2 times 0.5 arcsec.
         let at = dwell(Series::OutputAxis, 90.0, 0.0);
         let settings = collect(&|head| {
-            let [first, second] = [1, 2].map(|order| head.specific_force(&at, order, &[])[0]);
+            let [first, second] =
+                [1, 2].map(|order| head.setting(&at, order).specific_force(&at)[0]);
             (first - second) / ARCSEC_RAD
         });
         assert_sigma(&settings, 0.5 * 2.0_f64.sqrt());
@@ -169,15 +174,17 @@ mod tests {
     fn a_mark_errs_alike_in_every_series_and_approach() {
         let exact = HeadSpecification {
             repeat_sigma_arcsec: 0.0,
+            mount_sigma_arcsec: 0.0,
             ..SPECIFICATION
         };
         let head = Head::new(exact, Seed(5));
-        let ccw = head.specific_force(&dwell(Series::OutputAxis, 90.0, 0.0), 0, &[]);
+        let force = |dwell: &Dwell, order| head.setting(dwell, order).specific_force(dwell);
+        let ccw = force(&dwell(Series::OutputAxis, 90.0, 0.0), 0);
         let cw = Dwell {
             approach: Approach::Clockwise,
             ..dwell(Series::PendulousAxis, 450.0, 0.0)
         };
-        let cw = head.specific_force(&cw, 7, &[]);
+        let cw = force(&cw, 7);
         assert!((ccw[0] - cw[0]).abs() < 1e-15);
     }
 }

@@ -4,15 +4,16 @@
 use super::chain::{Chain, Constant, Motion};
 use super::converter::Signal;
 use super::noise::Stream;
+use crate::front_end::FrontEnd;
 
-/// Between instrument and converter.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrontEnd {
-    /// The instrument's output is divided by this before the converter.
-    pub divider: f64,
-    /// Sensitivity of the reference accelerometer, V/g.
-    pub reference_v_per_g: f64,
-}
+/// The virtual bench's own front end: its instruments reach some ten volts, its converter 1.2 V.
+pub const FRONT_END: FrontEnd = FrontEnd {
+    divider: 10.0,
+    gain: 1.0,
+};
+
+/// Sensitivity of the virtual bench's reference accelerometer at the converter, V/g.
+pub const REFERENCE_V_PER_G: f64 = 0.1;
 
 /// Samples of reference noise that are used again and again.
 const REFERENCE_NOISE: usize = 1 << 14;
@@ -34,13 +35,12 @@ pub struct Excitation {
 impl Excitation {
     /// The converter's view of a `motion`, whose records must be at the rate that the converter asks for.
     ///
-    /// `noise_v`: standard deviation of the instrument's noise at each of those samples, V before the divider;
+    /// `noise_v`: standard deviation of the instrument's noise at each of those samples, V at its output;
     /// `reference_scale`: true scale of each axis of the reference over the nominal one.
     pub fn new(
         chain: &Chain<'_>,
         motion: &Motion,
         constant: &Constant,
-        front_end: &FrontEnd,
         noise_v: f64,
         reference_scale: [f64; 3],
         mut stream: Stream,
@@ -48,10 +48,10 @@ impl Excitation {
         let count = motion.sample_count();
         let mut output_g = vec![0.0; count];
         chain.output_g(motion, 0..count, constant, &mut output_g);
-        let k1 = chain.coefficients.scale_factor_v_per_g / front_end.divider;
+        let k1 = FRONT_END.converter_v(chain.coefficients.scale_factor_v_per_g);
         let seen = |axis: usize, w: f64| {
             let force_g = constant.a0_g[axis] + motion.direction[axis] * w;
-            front_end.reference_v_per_g * reference_scale[axis] * force_g
+            REFERENCE_V_PER_G * reference_scale[axis] * force_g
         };
         let period_v = output_g
             .iter()
@@ -59,12 +59,12 @@ impl Excitation {
             .map(|(u, w)| [k1 * u, seen(0, *w), seen(1, *w), seen(2, *w)])
             .collect();
         let reference_noise_v = (0..REFERENCE_NOISE)
-            .map(|_| front_end.reference_v_per_g * REFERENCE_NOISE_G * stream.normal())
+            .map(|_| REFERENCE_V_PER_G * REFERENCE_NOISE_G * stream.normal())
             .collect();
         Self {
             period_v,
             at: 0,
-            noise_v: noise_v / front_end.divider,
+            noise_v: FRONT_END.converter_v(noise_v),
             stream,
             reference_noise_v,
         }

@@ -15,14 +15,10 @@ use super::plan::{
 use super::reference;
 use super::shaker::Shaker;
 use crate::campaign::{
-    Acquisition, Bench, Campaign, CampaignConfig, Extremes, Instrument, Measured, Reading,
-    ReferenceMoments, Run, VibrationKind,
+    Acquisition, BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Bench, Campaign, CampaignConfig, Drift,
+    Extremes, Instrument, Measured, Reading, ReferenceMoments, Run, VibrationKind,
 };
 
-/// From the centre of the plateau before a vibration to the centre of the vibration, s.
-const BEFORE_TO_DURING_S: f64 = 20.0;
-/// From the centre of the plateau before a vibration to that of the plateau after it, s.
-const BEFORE_TO_AFTER_S: f64 = 40.0;
 /// Steps of a recorded voltage in 1 V. The last bits of a computed number differ from one processor to another; what
 /// is recorded must not.
 const VOLTAGE_STEPS: f64 = 1e10;
@@ -71,6 +67,16 @@ impl Specification {
             reference_temp_c: 22.0,
         }
     }
+}
+
+/// The instrument's output over one run, without the errors of logger and peak detector.
+struct Levels {
+    before_g: f64,
+    during_g: f64,
+    after_g: f64,
+    minimum_g: f64,
+    maximum_g: f64,
+    drift_g_per_s: f64,
 }
 
 /// A bench with an instrument on it and a plan to follow; all of it fixed by the seed and the effects.
@@ -211,14 +217,24 @@ impl VirtualBench {
                 level_sigma_arcsec: head.level_sigma_arcsec,
                 local_gravity_g: self.specification.local_gravity_g,
                 reference_temp_c: self.specification.reference_temp_c,
+                session_bias_sigma_g: None,
+                session_alignment_sigma_arcsec: None,
+                session_gain_rel_sigma: None,
                 unknown: Default::default(),
             },
             Acquisition {
                 sample_rate_hz: self.specification.logger_rate_hz,
+                divider: None,
+                gain: None,
+                sigma_dof: None,
                 unknown: Default::default(),
             },
             Some(crate::campaign::Shaker {
                 reference_rms_rel_sigma: self.specification.reference_rms_rel_sigma,
+                reference_cross_sensitivity: None,
+                reference_noise_g: None,
+                reference_gain_rel_sigma: None,
+                peak_gain_rel_sigma: None,
                 unknown: Default::default(),
             }),
         )
@@ -242,7 +258,14 @@ impl VirtualBench {
     /// The specific force, g, that the instrument feels at dwell `order` of the plan.
     pub fn dwell_force_g(&self, order: usize) -> [f64; 3] {
         let dwell = &self.plan.dwells[order];
-        let force = self.head.specific_force(dwell, order as u64, &self.effects);
+        let mut setting = self.head.setting(dwell, order as u64);
+        for effect in &self.effects {
+            setting.error_rad += effect.dial_error_rad(dwell);
+            for (tilt, more) in setting.tilts_rad.iter_mut().zip(effect.base_tilt_rad()) {
+                *tilt += more;
+            }
+        }
+        let force = setting.specific_force(dwell);
         force.map(|a| a * self.specification.local_gravity_g)
     }
 
@@ -293,6 +316,8 @@ impl VirtualBench {
             temp_c: self.room.temp_c(time_s),
             output_v: recorded(scale_v_per_g * output_g, VOLTAGE_STEPS),
             sigma_v: scale_v_per_g * self.specification.noise_g,
+            session: None,
+            exclude: false,
             unknown: Vec::new(),
         }
     }
@@ -306,18 +331,43 @@ impl VirtualBench {
         shaker: &mut Shaker,
         exposures: &mut Vec<Exposure>,
     ) -> (Run, f64) {
-        let specification = &self.specification;
-        let temp_time_s = time_s;
-        let during_s = time_s + BEFORE_TO_DURING_S;
-        let a0_g = shake.a0.map(|a| a * specification.local_gravity_g);
+        let a0_g = shake.a0.map(|a| a * self.specification.local_gravity_g);
         let motion = self.motion(number, shake, shaker);
-        exposures.push(exposure(shake, &motion, during_s));
+        exposures.push(exposure(shake, &motion, time_s + BEFORE_TO_DURING_S));
+        let levels = self.levels(number, a0_g, time_s, &motion, exposures);
+        let run = Run {
+            run: number as u64,
+            time_s,
+            kind: shake.kind,
+            direction: shake.direction,
+            level_g: shake.level_g,
+            band_hz: [shake.f_lo_hz, shake.f_hi_hz],
+            specific_force_g: SpecificForce::new(a0_g[0], a0_g[1], a0_g[2]),
+            temp_c: self.room.temp_c(time_s),
+            duration_s: DURATION_S,
+            measured: Some(self.measured(number, &levels)),
+            reference: Some(self.reference_moments(number, &motion)),
+            session: None,
+            exclude: false,
+            unknown: Vec::new(),
+        };
+        (run, levels.during_g - levels.before_g)
+    }
 
+    /// What the output really comes to in run number `number` that begins at `time_s`.
+    fn levels(
+        &self,
+        number: usize,
+        a0_g: [f64; 3],
+        time_s: f64,
+        motion: &Motion,
+        exposures: &[Exposure],
+    ) -> Levels {
         // The room is taken to stand still within a run.
-        let at = |time_s: f64| {
-            let mut constant = self.constant(a0_g, temp_time_s, exposures);
+        let at = |moment_s: f64| {
+            let mut constant = self.constant(a0_g, time_s, exposures);
             let moment = Moment {
-                time_s,
+                time_s: moment_s,
                 excess_k: constant.excess_k,
                 exposures,
             };
@@ -341,67 +391,66 @@ impl VirtualBench {
         };
         let chain = self.chain();
         let rest = Motion::rest(&self.effects);
-        let before_g = chain.summary(&rest, &plateau(time_s)).mean_g;
-        let after_g = chain
-            .summary(&rest, &plateau(time_s + BEFORE_TO_AFTER_S))
-            .mean_g;
-        let during = chain.summary(&motion, &plateau(during_s));
-        let during_g = during.mean_g + self.plateau_error_g(number, &motion);
+        let at_rest = |centre_s| chain.summary(&rest, &plateau(centre_s)).mean_g;
+        let during_s = time_s + BEFORE_TO_DURING_S;
+        let during = chain.summary(motion, &plateau(during_s));
         let (start, end) = (
             at(during_s - DURATION_S / 2.0),
             at(during_s + DURATION_S / 2.0),
         );
-        let drift_g_per_s = (end.shift_g - start.shift_g) / DURATION_S;
+        Levels {
+            before_g: at_rest(time_s),
+            during_g: during.mean_g + self.plateau_error_g(number, motion),
+            after_g: at_rest(time_s + BEFORE_TO_AFTER_S),
+            minimum_g: during.minimum_g,
+            maximum_g: during.maximum_g,
+            drift_g_per_s: (end.shift_g - start.shift_g) / DURATION_S,
+        }
+    }
 
+    /// What logger and peak detector make of the levels of run number `number`.
+    fn measured(&self, number: usize, levels: &Levels) -> Measured {
+        let specification = &self.specification;
         let mut noise = self.seed.stream("run", number as u64);
         let scale_v_per_g = self.accelerometer.coefficients.scale_factor_v_per_g;
         let mut noisy =
             |value_g: f64, sigma_g: f64| scale_v_per_g * (value_g + sigma_g * noise.normal());
         let mut voltage = |value_g, sigma_g| recorded(noisy(value_g, sigma_g), VOLTAGE_STEPS);
-        let peak_sigma = |peak_g: f64| specification.peak_rel_sigma * (peak_g - before_g).abs();
-        let before_v = voltage(before_g, specification.noise_g);
-        let during_v = voltage(during_g, specification.noise_g);
-        let after_v = voltage(after_g, specification.noise_g);
+        let peak_sigma_g =
+            |peak_g: f64| specification.peak_rel_sigma * (peak_g - levels.before_g).abs();
+        let before_v = voltage(levels.before_g, specification.noise_g);
+        let during_v = voltage(levels.during_g, specification.noise_g);
+        let after_v = voltage(levels.after_g, specification.noise_g);
         let extremes = Extremes {
-            minimum_v: voltage(during.minimum_g, peak_sigma(during.minimum_g)),
-            maximum_v: voltage(during.maximum_g, peak_sigma(during.maximum_g)),
+            minimum_v: voltage(levels.minimum_g, peak_sigma_g(levels.minimum_g)),
+            maximum_v: voltage(levels.maximum_g, peak_sigma_g(levels.maximum_g)),
         };
-        let drift_v_per_s = noisy(drift_g_per_s, specification.drift_noise_g_per_s);
-        let measured = Measured {
+        let drift_v_per_s = noisy(levels.drift_g_per_s, specification.drift_noise_g_per_s);
+        Measured {
             before_v,
             during_v,
-            after_v,
+            after_v: Some(after_v),
             sigma_v: scale_v_per_g * specification.noise_g,
-            drift_v_per_s: recorded(drift_v_per_s, DRIFT_STEPS),
-            drift_sigma_v_per_s: scale_v_per_g * specification.drift_noise_g_per_s,
-            extremes: Some(extremes),
-        };
-        let mut stream = self.seed.stream("reference", number as u64);
-        let seen = reference::look(&motion, specification.reference_rms_rel_sigma, &mut stream);
-        let run = Run {
-            run: number as u64,
-            time_s,
-            kind: shake.kind,
-            direction: shake.direction,
-            level_g: shake.level_g,
-            band_hz: [shake.f_lo_hz, shake.f_hi_hz],
-            specific_force_g: SpecificForce::new(a0_g[0], a0_g[1], a0_g[2]),
-            temp_c: self.room.temp_c(temp_time_s),
-            duration_s: DURATION_S,
-            measured: Some(measured),
-            reference: Some(ReferenceMoments {
-                rms_g: seen.rms_g.map(|rms_g| recorded(rms_g, REFERENCE_STEPS)),
-                skewness: seen
-                    .skewness
-                    .map(|moment| recorded(moment, REFERENCE_STEPS)),
-                kurtosis: seen
-                    .kurtosis
-                    .map(|moment| recorded(moment, REFERENCE_STEPS)),
-                correlation: Some(seen.correlation),
+            drift: Some(Drift {
+                v_per_s: recorded(drift_v_per_s, DRIFT_STEPS),
+                sigma_v_per_s: scale_v_per_g * specification.drift_noise_g_per_s,
             }),
-            unknown: Vec::new(),
-        };
-        (run, during_g - before_g)
+            extremes: Some(extremes),
+        }
+    }
+
+    /// What the reference reports of run number `number`.
+    fn reference_moments(&self, number: usize, motion: &Motion) -> ReferenceMoments {
+        let mut stream = self.seed.stream("reference", number as u64);
+        let rel_sigma = self.specification.reference_rms_rel_sigma;
+        let seen = reference::look(motion, rel_sigma, &mut stream);
+        let report = |values: [f64; 3]| values.map(|value| recorded(value, REFERENCE_STEPS));
+        ReferenceMoments {
+            rms_g: report(seen.rms_g),
+            skewness: report(seen.skewness),
+            kurtosis: report(seen.kurtosis),
+            correlation: Some(seen.correlation),
+        }
     }
 
     fn plateau_error_g(&self, number: usize, motion: &Motion) -> f64 {
@@ -622,7 +671,8 @@ mod tests {
                 let measured = run.measured.unwrap();
                 let noise_v = measured.during_v - measured.before_v - scale_v_per_g * vre_g;
                 plateaus.push(noise_v / (measured.sigma_v * 2.0_f64.sqrt()));
-                drifts.push(measured.drift_v_per_s / measured.drift_sigma_v_per_s);
+                let drift = measured.drift.unwrap();
+                drifts.push(drift.v_per_s / drift.sigma_v_per_s);
                 let rms_g = match shake.kind {
                     VibrationKind::Sine => shake.level_g / 2.0_f64.sqrt(),
                     VibrationKind::Random => shake.level_g,

@@ -1,18 +1,18 @@
 //! `campaign.toml`: which instrument, on which bench.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Place, Problem};
+use super::keys;
+use super::ranges::{self, Range};
+use crate::error::{Error, Place, Problem, printable};
+use crate::front_end::FrontEnd;
+use crate::input::read_at_most;
 use crate::output::write_file;
 
 const FORMAT: &str = "vre-campaign/1";
 const MAX_BYTES: u64 = 1 << 20;
-/// Smaller than what any dial's angle is known to; 0 says that an angle is exact.
-const SMALLEST_SIGMA_ARCSEC: f64 = 1e-6;
 
 /// The content of `campaign.toml`. Keys that mean nothing to us are kept and written back.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +27,12 @@ pub struct CampaignConfig {
     /// The shaker, if one was used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shaker: Option<Shaker>,
+    /// What the instrument must keep, if anything is stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<Limits>,
+    /// Who measured where and when, if it is stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record: Option<Record>,
     /// Keys that mean nothing to us, kept.
     #[serde(flatten)]
     pub unknown: toml::Table,
@@ -37,7 +43,7 @@ pub struct CampaignConfig {
 pub struct Instrument {
     /// Serial number.
     pub serial: String,
-    /// Scale factor of the type, V/g; that of this instrument may be some per cent off.
+    /// Scale factor of the type, V/g, negative for an inverted output; that of this instrument may be some per cent off.
     pub scale_factor_nominal_v_per_g: f64,
     /// Range, g.
     pub full_scale_g: f64,
@@ -63,6 +69,16 @@ pub struct Bench {
     pub local_gravity_g: f64,
     /// Temperature to which the coefficients belong, degrees Celsius.
     pub reference_temp_c: f64,
+    /// Standard deviation of the bias from session to session, g; a power cycle's if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub session_bias_sigma_g: Option<f64>,
+    /// Standard deviation of the instrument's alignment on its fixture from session to session, arcsec; a remounting's if
+    /// absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub session_alignment_sigma_arcsec: Option<f64>,
+    /// Relative standard deviation of the logger's gain from session to session; that of one logger if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub session_gain_rel_sigma: Option<f64>,
     /// Keys that mean nothing to us, kept.
     #[serde(flatten)]
     pub unknown: toml::Table,
@@ -73,16 +89,96 @@ pub struct Bench {
 pub struct Acquisition {
     /// Sample rate, Hz.
     pub sample_rate_hz: f64,
+    /// The instrument's output is divided by this before the converter, > 0; not at all if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub divider: Option<f64>,
+    /// And amplified by this, > 0; not at all if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+    /// Degrees of freedom behind the stated standard uncertainties; few if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma_dof: Option<f64>,
     /// Keys that mean nothing to us, kept.
     #[serde(flatten)]
     pub unknown: toml::Table,
 }
 
+impl Acquisition {
+    /// What lies between instrument and converter.
+    pub fn front_end(&self) -> FrontEnd {
+        let none = FrontEnd::default();
+        FrontEnd {
+            divider: self.divider.unwrap_or(none.divider),
+            gain: self.gain.unwrap_or(none.gain),
+        }
+    }
+
+    /// States what lies between instrument and converter.
+    pub fn with_front_end(self, front_end: FrontEnd) -> Self {
+        Self {
+            divider: Some(front_end.divider),
+            gain: Some(front_end.gain),
+            ..self
+        }
+    }
+
+    /// Whether a divider or a gain is stated.
+    pub fn states_front_end(&self) -> bool {
+        self.divider.is_some() || self.gain.is_some()
+    }
+}
+
 /// The shaker's reference accelerometer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shaker {
-    /// Relative standard uncertainty of the reference's rms.
+    /// Relative standard uncertainty of the reference's rms, drawn anew in each run.
     pub reference_rms_rel_sigma: f64,
+    /// Standard uncertainty of the reference's cross-axis sensitivity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_cross_sensitivity: Option<f64>,
+    /// Noise of each of the reference's axes, g rms: it is in every rms, and an axis at rest reads it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_noise_g: Option<f64>,
+    /// Relative standard uncertainty of the gain of each of the reference's axes, the same in all runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_gain_rel_sigma: Option<f64>,
+    /// Relative standard uncertainty of the peak detector's gain, the same in all runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_gain_rel_sigma: Option<f64>,
+    /// Keys that mean nothing to us, kept.
+    #[serde(flatten)]
+    pub unknown: toml::Table,
+}
+
+/// What the instrument must keep, for pass and fail.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// Greatest magnitude of the vibration error, g.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vre_g: Option<f64>,
+    /// The vibration in which it is to be kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<String>,
+    /// Further limits, kept.
+    #[serde(flatten)]
+    pub unknown: toml::Table,
+}
+
+/// Who measured where and when, for reports.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// When; a date of TOML or words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub date: Option<toml::Value>,
+    /// Who.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub operator: Option<String>,
+    /// At which bench.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub station: Option<String>,
+    /// Whatever else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
     /// Keys that mean nothing to us, kept.
     #[serde(flatten)]
     pub unknown: toml::Table,
@@ -103,6 +199,8 @@ impl CampaignConfig {
             bench,
             acquisition,
             shaker,
+            limits: None,
+            record: None,
             unknown: toml::Table::new(),
         }
     }
@@ -112,16 +210,7 @@ impl CampaignConfig {
     /// # Errors
     /// Unreadable, not UTF-8, not TOML, another format, a missing key, or a value that cannot be.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let mut bytes = Vec::new();
-        File::open(file)
-            .and_then(|source| source.take(MAX_BYTES + 1).read_to_end(&mut bytes))
-            .map_err(Error::read(file))?;
-        if bytes.len() as u64 > MAX_BYTES {
-            return Err(Error::input(
-                file,
-                format!("has more than {MAX_BYTES} bytes"),
-            ));
-        }
+        let bytes = read_at_most(file, MAX_BYTES)?;
         let at = |offset: usize| Place {
             row: Some(
                 1 + bytes[..offset]
@@ -138,14 +227,17 @@ impl CampaignConfig {
         if text.trim_start_matches('\u{feff}').trim().is_empty() {
             return Err(Error::input(file, Problem::EmptyFile));
         }
-        let config: Self = toml::from_str(text).map_err(|error| {
+        let bad_toml = |error: toml::de::Error| {
             let place = match error.span() {
                 Some(span) => at(span.start.min(bytes.len())),
                 None => Place::file(file),
             };
             let problem = Problem::Other(error.message().replace('\n', " "));
             Error::Input { place, problem }
-        })?;
+        };
+        keys::check(file, &toml::from_str(text).map_err(bad_toml)?)?;
+        let mut config: Self = toml::from_str(text).map_err(bad_toml)?;
+        config.strip();
         config.check(file)?;
         Ok(config)
     }
@@ -178,66 +270,146 @@ impl CampaignConfig {
         if self.instrument.serial.trim().is_empty() {
             return fail("serial", Problem::Empty);
         }
-        let positive = [
-            (
-                "scale_factor_nominal_v_per_g",
-                self.instrument.scale_factor_nominal_v_per_g,
-            ),
-            ("full_scale_g", self.instrument.full_scale_g),
-            ("sample_rate_hz", self.acquisition.sample_rate_hz),
-        ];
-        for (key, value) in positive {
-            if !value.is_finite() {
-                return fail(key, Problem::NotFinite(value.to_string()));
-            }
-            if value <= 0.0 {
-                return fail(key, Problem::NotPositive(value));
-            }
-        }
-        let bench = &self.bench;
-        let ranges = [
-            ("dial_sigma_arcsec", bench.dial_sigma_arcsec, 0.0, 36_000.0),
-            (
-                "dial_repeat_sigma_arcsec",
-                bench.dial_repeat_sigma_arcsec,
-                0.0,
-                36_000.0,
-            ),
-            (
-                "mount_sigma_arcsec",
-                bench.mount_sigma_arcsec,
-                0.0,
-                36_000.0,
-            ),
-            (
-                "level_sigma_arcsec",
-                bench.level_sigma_arcsec,
-                0.0,
-                36_000.0,
-            ),
-            ("local_gravity_g", bench.local_gravity_g, 0.9, 1.1),
-            ("reference_temp_c", bench.reference_temp_c, -273.15, 1000.0),
-        ];
-        let relative = self.shaker.iter().map(|shaker| {
-            (
-                "reference_rms_rel_sigma",
-                shaker.reference_rms_rel_sigma,
-                0.0,
-                1.0,
-            )
-        });
-        for (key, value, low, high) in ranges.into_iter().chain(relative) {
-            if !value.is_finite() {
-                return fail(key, Problem::NotFinite(value.to_string()));
-            }
-            if !(low..=high).contains(&value) {
-                return fail(key, Problem::OutOfRange { value, low, high });
-            }
-            if key.ends_with("_arcsec") && value > 0.0 && value < SMALLEST_SIGMA_ARCSEC {
-                let problem = format!("{value} is neither 0 nor at least {SMALLEST_SIGMA_ARCSEC}");
-                return fail(key, problem.into());
+        for (key, value, range) in self.numbers() {
+            if let Some(Err(problem)) = value.map(|value| range.check(value)) {
+                return fail(key, problem);
             }
         }
         Ok(())
+    }
+
+    /// Every number, with its key and its range.
+    fn numbers(&self) -> [(&'static str, Option<f64>, &'static Range); 21] {
+        use ranges::{ARCSEC_SIGMA, G_SIGMA, RELATIVE_SIGMA};
+        let Self {
+            instrument,
+            bench,
+            acquisition,
+            ..
+        } = self;
+        let shaker = self.shaker.as_ref();
+        [
+            (
+                "scale_factor_nominal_v_per_g",
+                Some(instrument.scale_factor_nominal_v_per_g),
+                &ranges::SCALE_FACTOR,
+            ),
+            (
+                "full_scale_g",
+                Some(instrument.full_scale_g),
+                &ranges::FULL_SCALE,
+            ),
+            (
+                "dial_sigma_arcsec",
+                Some(bench.dial_sigma_arcsec),
+                &ARCSEC_SIGMA,
+            ),
+            (
+                "dial_repeat_sigma_arcsec",
+                Some(bench.dial_repeat_sigma_arcsec),
+                &ARCSEC_SIGMA,
+            ),
+            (
+                "mount_sigma_arcsec",
+                Some(bench.mount_sigma_arcsec),
+                &ARCSEC_SIGMA,
+            ),
+            (
+                "level_sigma_arcsec",
+                Some(bench.level_sigma_arcsec),
+                &ARCSEC_SIGMA,
+            ),
+            (
+                "local_gravity_g",
+                Some(bench.local_gravity_g),
+                &ranges::LOCAL_GRAVITY,
+            ),
+            (
+                "reference_temp_c",
+                Some(bench.reference_temp_c),
+                &ranges::TEMPERATURE,
+            ),
+            ("session_bias_sigma_g", bench.session_bias_sigma_g, &G_SIGMA),
+            (
+                "session_alignment_sigma_arcsec",
+                bench.session_alignment_sigma_arcsec,
+                &ARCSEC_SIGMA,
+            ),
+            (
+                "session_gain_rel_sigma",
+                bench.session_gain_rel_sigma,
+                &RELATIVE_SIGMA,
+            ),
+            (
+                "sample_rate_hz",
+                Some(acquisition.sample_rate_hz),
+                &ranges::SAMPLE_RATE,
+            ),
+            ("divider", acquisition.divider, &ranges::FACTOR),
+            ("gain", acquisition.gain, &ranges::FACTOR),
+            (
+                "sigma_dof",
+                acquisition.sigma_dof,
+                &ranges::DEGREES_OF_FREEDOM,
+            ),
+            (
+                "reference_rms_rel_sigma",
+                shaker.map(|shaker| shaker.reference_rms_rel_sigma),
+                &RELATIVE_SIGMA,
+            ),
+            (
+                "reference_cross_sensitivity",
+                shaker.and_then(|shaker| shaker.reference_cross_sensitivity),
+                &RELATIVE_SIGMA,
+            ),
+            (
+                "reference_noise_g",
+                shaker.and_then(|shaker| shaker.reference_noise_g),
+                &G_SIGMA,
+            ),
+            (
+                "reference_gain_rel_sigma",
+                shaker.and_then(|shaker| shaker.reference_gain_rel_sigma),
+                &RELATIVE_SIGMA,
+            ),
+            (
+                "vre_g",
+                self.limits.as_ref().and_then(|limits| limits.vre_g),
+                &ranges::VRE_LIMIT,
+            ),
+            (
+                "peak_gain_rel_sigma",
+                shaker.and_then(|shaker| shaker.peak_gain_rel_sigma),
+                &RELATIVE_SIGMA,
+            ),
+        ]
+    }
+
+    /// Takes what steers a terminal out of every text that people see.
+    fn strip(&mut self) {
+        let record = self.record.iter_mut();
+        let record = record.flat_map(|r| [&mut r.operator, &mut r.station, &mut r.note]);
+        let limits = self.limits.iter_mut().map(|limits| &mut limits.environment);
+        let texts = record.chain(limits).flatten();
+        for text in texts.chain([&mut self.instrument.serial]) {
+            *text = printable(text);
+        }
+    }
+
+    /// Keys that mean nothing to us, with the table that they stand in.
+    pub fn unknown_keys(&self) -> Vec<String> {
+        let tables = [
+            (None, Some(&self.unknown)),
+            (Some("instrument"), Some(&self.instrument.unknown)),
+            (Some("bench"), Some(&self.bench.unknown)),
+            (Some("acquisition"), Some(&self.acquisition.unknown)),
+            (Some("shaker"), self.shaker.as_ref().map(|s| &s.unknown)),
+            (Some("record"), self.record.as_ref().map(|r| &r.unknown)),
+        ];
+        let keys = tables.into_iter().flat_map(|(table, unknown)| {
+            let keys = unknown.into_iter().flat_map(|unknown| unknown.keys());
+            keys.map(move |key| keys::place(table, key))
+        });
+        keys.collect()
     }
 }

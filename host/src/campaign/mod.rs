@@ -7,9 +7,13 @@
 //! ```
 //!
 //! Tables are UTF-8, comma-separated, with LF or CRLF; columns are found by name, in any order; unknown
-//! columns are kept and written back. Whatever is wrong is told with file, row and column.
+//! columns are kept and written back. A row marked `exclude` is kept and not used. Whatever is wrong is told with file, row and column.
 
 mod config;
+mod keys;
+mod marks;
+mod plausibility;
+pub mod ranges;
 mod static_table;
 mod table;
 mod vibration_table;
@@ -18,16 +22,17 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Shaker};
+pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Limits, Record, Shaker};
 pub use shared::tumble::Series;
 pub use static_table::{Approach, Reading, read_plan};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
 pub use vibration_table::{
-    DETECTOR_REL_ERROR, Extremes, Measured, ReferenceMoments, Run, VibrationKind, read_runs,
-    write_runs,
+    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, DETECTOR_REL_ERROR, Drift, Extremes, Measured,
+    ReferenceMoments, Run, VibrationKind, read_runs, write_runs,
 };
 
-use crate::error::{Error, Problem};
+use crate::error::{Error, Place, Problem, decimal};
+use crate::median::median;
 use crate::output::write_file;
 use table::Row;
 pub(crate) use table::{RowLimited, read_error};
@@ -64,11 +69,36 @@ impl Campaign {
             })) => Vec::new(),
             Some(runs) => runs?,
         };
+        if readings.iter().all(|reading| reading.exclude) {
+            let problem = "every reading is excluded";
+            return Err(Error::input(&folder.join("static.csv"), problem));
+        }
         Ok(Self {
             config,
             readings,
             runs,
         })
+    }
+
+    /// The campaign without the rows that are excluded: what identification, prediction, diagnosis and plans start from.
+    pub fn used(mut self) -> Self {
+        self.readings.retain(|reading| !reading.exclude);
+        self.runs.retain(|run| !run.exclude);
+        self
+    }
+
+    /// Number of readings and of runs that are excluded.
+    pub fn excluded(&self) -> (usize, usize) {
+        let readings = self.readings.iter().filter(|reading| reading.exclude);
+        let runs = self.runs.iter().filter(|run| run.exclude);
+        (readings.count(), runs.count())
+    }
+
+    /// The time from which all times are counted: that of the first reading, or of the first run without one, s.
+    pub fn start_s(&self) -> f64 {
+        let reading_s = self.readings.first().map(|reading| reading.time_s);
+        let run_s = || self.runs.first().map(|run| run.time_s);
+        reading_s.or_else(run_s).unwrap_or(0.0)
     }
 
     /// Writes the campaign into `folder`, which is made if need be.
@@ -97,17 +127,21 @@ pub type UnknownCells = Vec<(String, String)>;
 struct OneInstrument<'c> {
     config: &'c CampaignConfig,
     numbers: HashMap<u64, u64>,
+    /// Specific force on IA, g, and output, V, of every row at rest.
+    outputs: Vec<[f64; 2]>,
 }
 
 impl<'c> OneInstrument<'c> {
-    /// Output beyond the nominal one by which no instrument of the type differs, in terms of the nominal
-    /// output for 1 g or for the specific force at hand, whichever is more.
+    /// Relative difference from the nominal scale factor by which no instrument of the type differs.
     const FOREIGN: f64 = 0.25;
+    /// Least specific force on IA at which the output tells the scale factor, g.
+    const TELLING_G: f64 = 0.25;
 
     fn new(config: &'c CampaignConfig) -> Self {
         Self {
             config,
             numbers: HashMap::new(),
+            outputs: Vec::new(),
         }
     }
 
@@ -124,35 +158,59 @@ impl<'c> OneInstrument<'c> {
             ));
         }
         let expected = &self.config.instrument.serial;
-        match row.text("serial") {
-            Some(found) if found != expected => {
-                let (found, expected) = (found.to_owned(), expected.clone());
+        match row.words("serial") {
+            Some(found) if found != *expected => {
+                let expected = expected.clone();
                 Err(row.error("serial", Problem::OtherInstrument { found, expected }))
             }
             _ => Ok(number),
         }
     }
 
-    /// The output at rest in `column` must fit the nominal scale factor roughly.
-    fn check_output(
-        &self,
-        row: &Row<'_>,
-        column: &str,
-        output_v: f64,
-        input_axis_g: f64,
-    ) -> Result<(), Error> {
+    /// Notes the output at rest of a row.
+    fn note_output(&mut self, output_v: f64, input_axis_g: f64) {
+        self.outputs.push([input_axis_g, output_v]);
+    }
+
+    /// The outputs at rest in `column` must fit the nominal scale factor roughly, by their median: a single one may be a slip,
+    /// which is the diagnosis's to tell.
+    fn check_outputs(&self, file: &Path, column: &str) -> Result<(), Error> {
         let nominal_v_per_g = self.config.instrument.scale_factor_nominal_v_per_g;
-        let expected_v = nominal_v_per_g * input_axis_g;
-        let allowed_v = Self::FOREIGN * nominal_v_per_g * input_axis_g.abs().max(1.0);
-        if (output_v - expected_v).abs() <= allowed_v {
+        let telling = |row: &&[f64; 2]| row[0].abs() >= Self::TELLING_G;
+        let slopes = self.outputs.iter().filter(telling).map(|[g, v]| v / g);
+        let sizes = self.outputs.iter().map(|[_, v]| v.abs());
+        let (fits, found) = match (median(slopes.collect()), median(sizes.collect())) {
+            (Some(v_per_g), _) => {
+                let difference = v_per_g / nominal_v_per_g - 1.0;
+                let found = format!("come to {} V/g", rounded(v_per_g));
+                (difference.abs() <= Self::FOREIGN, found)
+            }
+            (None, Some(size_v)) => {
+                let found = format!("are about {} V without gravity on IA", rounded(size_v));
+                (size_v <= Self::FOREIGN * nominal_v_per_g.abs(), found)
+            }
+            (None, None) => return Ok(()),
+        };
+        if fits {
             return Ok(());
         }
-        let problem = format!(
-            "{output_v} V at {input_axis_g} g does not fit the nominal {nominal_v_per_g} V/g of \
-             campaign.toml; another instrument, or another unit?"
-        );
-        Err(row.error(column, problem))
+        let place = Place {
+            column: Some(column.into()),
+            ..Place::file(file)
+        };
+        Err(Error::Input {
+            place,
+            problem: Problem::Other(format!(
+                "the outputs {found}, which does not fit the nominal {nominal_v_per_g} V/g of \
+                 campaign.toml; another instrument, or another unit?"
+            )),
+        })
     }
+}
+
+/// With four digits.
+fn rounded(value: f64) -> String {
+    decimal(format!("{value:.3e}").parse().unwrap_or(value))
 }
 
 /// Writes a table: known columns first, then the unknown ones in the order in which they turn up.

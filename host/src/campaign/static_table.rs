@@ -7,7 +7,8 @@ use shared::model::SpecificForce;
 use shared::tumble::{Position, Series, within_a_turn};
 
 use super::config::CampaignConfig;
-
+use super::marks::{EXCLUDE, Marks, SESSION};
+use super::ranges;
 use super::table::{Row, Table};
 use super::{OneInstrument, UnknownCells, write_table};
 use crate::error::{Error, Problem};
@@ -34,7 +35,9 @@ const SERIES: [(&str, Series); 3] = [
 
 const FORCE: [&str; 3] = ["a_i_g", "a_p_g", "a_o_g"];
 
-const COLUMNS: [&str; 12] = [
+const OPTIONAL: [&str; 6] = ["mount_deg", "a_i_g", "a_p_g", "a_o_g", SESSION, EXCLUDE];
+
+const COLUMNS: [&str; 14] = [
     "order",
     "time_s",
     "series",
@@ -47,6 +50,8 @@ const COLUMNS: [&str; 12] = [
     "temp_c",
     "u_v",
     "sigma_v",
+    SESSION,
+    EXCLUDE,
 ];
 
 /// One reading at a dial position.
@@ -73,6 +78,10 @@ pub struct Reading {
     pub output_v: f64,
     /// Standard uncertainty of the mean from noise alone, V; greater than zero.
     pub sigma_v: f64,
+    /// What the rows of one mounting and power-up at one station share; all of static.csv is one session if absent.
+    pub session: Option<String>,
+    /// Kept, and not used: see [`Campaign::used`](super::Campaign::used).
+    pub exclude: bool,
     /// Columns that mean nothing to us.
     pub unknown: UnknownCells,
 }
@@ -88,19 +97,22 @@ const LENGTH_TOLERANCE_G: f64 = 1e-4;
 pub(super) fn read(file: &Path, config: &CampaignConfig) -> Result<Vec<Reading>, Error> {
     let required: Vec<&str> = COLUMNS
         .into_iter()
-        .filter(|&column| column != "mount_deg")
+        .filter(|column| !OPTIONAL.contains(column))
         .collect();
-    let mut table = Table::open(file, &required)?;
+    let mut table = Table::open(file, &required, &[])?;
     let mut instrument = OneInstrument::new(config);
     let mut readings = Vec::new();
     let mut limits = Limits::default();
     while let Some(row) = table.next_row()? {
         let order = instrument.check_row(&row, "order")?;
         let reading = reading(&row, order, config)?;
-        instrument.check_output(&row, "u_v", reading.output_v, reading.specific_force_g.i)?;
+        if !reading.exclude {
+            instrument.note_output(reading.output_v, reading.specific_force_g.i);
+        }
         limits.check(&row, &reading)?;
         readings.push(reading);
     }
+    instrument.check_outputs(file, "u_v")?;
     Ok(readings)
 }
 
@@ -154,7 +166,7 @@ const MAX_POSITIONS: usize = 4096;
 /// # Errors
 /// The first thing wrong in the table; more than 4096 positions.
 pub fn read_plan(file: &Path) -> Result<Vec<Position>, Error> {
-    let mut table = Table::open(file, &["series", "dial_deg"])?;
+    let mut table = Table::open(file, &["series", "dial_deg"], &[])?;
     let mut plan = Vec::new();
     while let Some(row) = table.next_row()? {
         if plan.len() == MAX_POSITIONS {
@@ -169,36 +181,53 @@ pub fn read_plan(file: &Path) -> Result<Vec<Position>, Error> {
 fn position(row: &Row<'_>) -> Result<Position, Error> {
     Ok(Position {
         series: row.one_of("series", &SERIES, "a series: 1, 2 or 3")?,
-        dial_deg: row.within("dial_deg", -3600.0, 3600.0)?,
-        mount_deg: match row.text("mount_deg") {
-            Some(_) => row.within("mount_deg", -3600.0, 3600.0)?,
-            None => 0.0,
-        },
+        dial_deg: row.number("dial_deg", &ranges::ANGLE)?,
+        mount_deg: row.optional("mount_deg", &ranges::ANGLE)?.unwrap_or(0.0),
     })
 }
 
 fn reading(row: &Row<'_>, order: u64, config: &CampaignConfig) -> Result<Reading, Error> {
-    let [i, p, o] = row.numbers(FORCE)?;
-    let Position {
-        series,
-        dial_deg,
-        mount_deg,
-    } = position(row)?;
+    let position = position(row)?;
+    let gravity_g = config.bench.local_gravity_g;
     let reading = Reading {
         order,
-        time_s: row.number("time_s")?,
-        series,
-        dial_deg,
-        mount_deg,
+        time_s: row.number("time_s", &ranges::TIME)?,
+        series: position.series,
+        dial_deg: position.dial_deg,
+        mount_deg: position.mount_deg,
         approach: row.one_of("approach", &APPROACHES, "an approach: cw or ccw")?,
-        specific_force_g: SpecificForce::new(i, p, o),
-        temp_c: row.within("temp_c", -273.15, 1000.0)?,
-        output_v: row.voltage("u_v")?,
-        sigma_v: row.sigma("sigma_v")?,
+        specific_force_g: specific_force_g(row, &position, gravity_g)?,
+        temp_c: row.number("temp_c", &ranges::TEMPERATURE)?,
+        output_v: row.number("u_v", &ranges::OUTPUT)?,
+        sigma_v: row.number("sigma_v", &ranges::OUTPUT_SIGMA)?,
+        session: row.words(SESSION),
+        exclude: row.flag(EXCLUDE)?,
         unknown: row.unknown(&COLUMNS),
     };
-    check_geometry(row, &reading, config.bench.local_gravity_g)?;
+    if !reading.exclude {
+        check_geometry(row, &reading, gravity_g)?;
+    }
     Ok(reading)
+}
+
+/// The stated specific force; where a cell is empty, what gravity is at this series and angle.
+fn specific_force_g(
+    row: &Row<'_>,
+    position: &Position,
+    gravity_g: f64,
+) -> Result<SpecificForce<f64>, Error> {
+    let instrument_deg = position.dial_deg + position.mount_deg;
+    let expected = position.series.specific_force(instrument_deg.to_radians());
+    let [i, p, o] = FORCE;
+    let component = |column: &str, expected: f64| {
+        let stated = row.optional(column, &ranges::SPECIFIC_FORCE)?;
+        Ok(stated.unwrap_or(gravity_g * expected))
+    };
+    Ok(SpecificForce::new(
+        component(i, expected.i)?,
+        component(p, expected.p)?,
+        component(o, expected.o)?,
+    ))
 }
 
 /// The stated specific force must be what gravity is at this series and angle.
@@ -233,7 +262,17 @@ fn check_geometry(row: &Row<'_>, reading: &Reading, local_gravity_g: f64) -> Res
 
 /// Writes `static.csv`.
 pub(super) fn write(file: &Path, readings: &[Reading]) -> Result<(), Error> {
-    write_table(file, &COLUMNS, readings, cells, |reading| &reading.unknown)
+    let standing = COLUMNS
+        .into_iter()
+        .filter(|column| ![SESSION, EXCLUDE].contains(column));
+    let marks = Marks::of(readings.iter().map(|r| (r.session.as_deref(), r.exclude)));
+    let columns: Vec<&str> = standing.chain(marks.columns()).collect();
+    let cells = |reading: &Reading| {
+        let mut cells = cells(reading);
+        cells.extend(marks.cells(reading.session.as_deref(), reading.exclude));
+        cells
+    };
+    write_table(file, &columns, readings, cells, |reading| &reading.unknown)
 }
 
 fn cells(reading: &Reading) -> Vec<String> {

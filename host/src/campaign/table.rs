@@ -7,18 +7,14 @@ use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
 
-use crate::error::{Error, Place, Problem};
+use super::ranges::Range;
+use crate::error::{Error, Place, Problem, printable};
 
 /// Most rows that a table may have. A campaign has some hundreds; a file of millions is not one.
 pub const MAX_ROWS: u64 = 100_000;
 
 /// Most bytes that one row may have, so that a file without line ends does not fill the memory.
 pub const MAX_ROW_BYTES: usize = 1 << 20;
-
-/// Largest voltage that is taken for an output.
-const MAX_VOLTAGE_V: f64 = 1e6;
-/// Smallest standard uncertainty of a voltage, far below any converter's.
-const MIN_SIGMA_V: f64 = 1e-15;
 
 /// An open table.
 pub(super) struct Table {
@@ -29,8 +25,13 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Opens `file` and reads its header, which must hold the `required` columns and none twice.
-    pub(super) fn open(file: &Path, required: &[&str]) -> Result<Self, Error> {
+    /// Opens `file` and reads its header, which must hold the `required` columns, of the groups that come `together` all
+    /// or none, and none twice.
+    pub(super) fn open(
+        file: &Path,
+        required: &[&str],
+        together: &[&[&str]],
+    ) -> Result<Self, Error> {
         let source = File::open(file).map_err(Error::read(file))?;
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
@@ -53,11 +54,25 @@ impl Table {
                 problem: Problem::DuplicateColumn,
             });
         }
-        if let Some(missing) = required.iter().find(|name| !seen.contains(*name)) {
-            return Err(Error::Input {
-                place: place(missing),
-                problem: Problem::MissingColumn,
-            });
+        let missing = required.iter().copied().chain(
+            together
+                .iter()
+                .filter(|group| group.iter().any(|name| seen.contains(name)))
+                .flat_map(|group| group.iter().copied()),
+        );
+        let missing: Vec<&str> = missing.filter(|name| !seen.contains(name)).collect();
+        match missing.as_slice() {
+            [] => {}
+            [only] => {
+                return Err(Error::Input {
+                    place: place(only),
+                    problem: Problem::MissingColumn,
+                });
+            }
+            several => {
+                let names = several.iter().map(|name| (*name).to_owned());
+                return Err(Error::input(file, Problem::MissingColumns(names.collect())));
+            }
         }
         Ok(Self {
             file: file.into(),
@@ -65,24 +80,6 @@ impl Table {
             reader,
             rows: 0,
         })
-    }
-
-    /// Optional columns that come together or not at all.
-    pub(super) fn require_all_or_none(&self, columns: &[&str]) -> Result<(), Error> {
-        let has = |column: &&&str| self.columns.iter().any(|name| name == **column);
-        match columns.iter().find(|column| !has(column)) {
-            Some(missing) if columns.iter().any(|column| has(&column)) => {
-                let place = Place {
-                    column: Some((*missing).into()),
-                    ..Place::file(&self.file)
-                };
-                Err(Error::Input {
-                    place,
-                    problem: Problem::MissingColumn,
-                })
-            }
-            _ => Ok(()),
-        }
     }
 
     /// The next row, or none after the last. A table without rows, or with more than [`MAX_ROWS`], is an
@@ -148,8 +145,8 @@ impl Row<'_> {
             .ok_or_else(|| self.error(column, Problem::Empty))
     }
 
-    /// A finite number.
-    pub(super) fn number(&self, column: &str) -> Result<f64, Error> {
+    /// A number within its range.
+    pub(super) fn number(&self, column: &str, range: &'static Range) -> Result<f64, Error> {
         let text = self.required(column)?;
         let value: f64 = text
             .parse()
@@ -157,39 +154,47 @@ impl Row<'_> {
         if !value.is_finite() {
             return Err(self.error(column, Problem::NotFinite(text.into())));
         }
-        Ok(value)
+        range
+            .check(value)
+            .map_err(|problem| self.error(column, problem))
     }
 
-    /// A voltage that an instrument can give.
-    pub(super) fn voltage(&self, column: &str) -> Result<f64, Error> {
-        self.within(column, -MAX_VOLTAGE_V, MAX_VOLTAGE_V)
+    /// A number within its range; `None` if the cell is empty or the table has no such column.
+    pub(super) fn optional(
+        &self,
+        column: &str,
+        range: &'static Range,
+    ) -> Result<Option<f64>, Error> {
+        let filled = self.text(column).is_some();
+        filled.then(|| self.number(column, range)).transpose()
     }
 
-    /// A standard uncertainty of a voltage, V: positive, and not so small that its square vanishes.
-    pub(super) fn sigma(&self, column: &str) -> Result<f64, Error> {
-        self.positive(column)?;
-        self.within(column, MIN_SIGMA_V, MAX_VOLTAGE_V)
-    }
-
-    /// Three finite numbers.
-    pub(super) fn numbers(&self, columns: [&str; 3]) -> Result<[f64; 3], Error> {
+    /// Three numbers within one range.
+    pub(super) fn numbers(
+        &self,
+        columns: [&str; 3],
+        range: &'static Range,
+    ) -> Result<[f64; 3], Error> {
         let [i, p, o] = columns;
-        Ok([self.number(i)?, self.number(p)?, self.number(o)?])
+        Ok([
+            self.number(i, range)?,
+            self.number(p, range)?,
+            self.number(o, range)?,
+        ])
     }
 
-    /// A finite number greater than zero.
-    pub(super) fn positive(&self, column: &str) -> Result<f64, Error> {
-        match self.number(column)? {
-            value if value > 0.0 => Ok(value),
-            value => Err(self.error(column, Problem::NotPositive(value))),
-        }
+    /// Text that people see; `None` if the cell is empty or the table has no such column.
+    pub(super) fn words(&self, column: &str) -> Option<String> {
+        self.text(column)
+            .map(printable)
+            .filter(|text| !text.is_empty())
     }
 
-    /// A finite number from `low` to `high`, both allowed.
-    pub(super) fn within(&self, column: &str, low: f64, high: f64) -> Result<f64, Error> {
-        match self.number(column)? {
-            value if (low..=high).contains(&value) => Ok(value),
-            value => Err(self.error(column, Problem::OutOfRange { value, low, high })),
+    /// `yes`, or `no` which an empty cell means too.
+    pub(super) fn flag(&self, column: &str) -> Result<bool, Error> {
+        match self.text(column) {
+            Some(_) => self.one_of(column, &[("yes", true), ("no", false)], "yes or no"),
+            None => Ok(false),
         }
     }
 
@@ -208,7 +213,7 @@ impl Row<'_> {
         })
     }
 
-    /// One of a few words, given with what they stand for; `expected` lists them for the error.
+    /// One of a few words in capitals or not, given with what they stand for; `expected` lists them for the error.
     pub(super) fn one_of<T: Copy>(
         &self,
         column: &str,
@@ -218,7 +223,7 @@ impl Row<'_> {
         let text = self.required(column)?;
         words
             .iter()
-            .find(|(word, _)| *word == text)
+            .find(|(word, _)| word.eq_ignore_ascii_case(text))
             .map(|&(_, meaning)| meaning)
             .ok_or_else(|| {
                 self.error(

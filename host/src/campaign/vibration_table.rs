@@ -5,6 +5,8 @@ use std::path::Path;
 use shared::model::SpecificForce;
 
 use super::config::CampaignConfig;
+use super::marks::{EXCLUDE, Marks, SESSION};
+use super::ranges::{self, Range};
 use super::table::{Row, Table};
 use super::{OneInstrument, UnknownCells, word, write_table};
 use crate::error::{Error, Problem};
@@ -51,6 +53,10 @@ pub struct Run {
     pub measured: Option<Measured>,
     /// What the reference accelerometer on the table saw.
     pub reference: Option<ReferenceMoments>,
+    /// What the rows of one mounting and power-up at one station share; all of vibration.csv is one session if absent.
+    pub session: Option<String>,
+    /// Kept, and not used: see [`Campaign::used`](super::Campaign::used).
+    pub exclude: bool,
     /// Columns that mean nothing to us.
     pub unknown: UnknownCells,
 }
@@ -72,16 +78,23 @@ pub struct Measured {
     pub before_v: f64,
     /// Mean output during the vibration, V.
     pub during_v: f64,
-    /// Mean output after the vibration, V.
-    pub after_v: f64,
+    /// Mean output after the vibration, V, if it was waited for.
+    pub after_v: Option<f64>,
     /// Standard uncertainty of each of the three means from noise alone, V; greater than zero.
     pub sigma_v: f64,
-    /// (Level at the end of the vibration - level at its start) / duration, V/s.
-    pub drift_v_per_s: f64,
-    /// Standard uncertainty of the drift, V/s; greater than zero.
-    pub drift_sigma_v_per_s: f64,
+    /// Drift during the vibration, if it was looked at.
+    pub drift: Option<Drift>,
     /// Extremes of the output, if a peak detector was there.
     pub extremes: Option<Extremes>,
+}
+
+/// Drift of the output during a vibration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// (Level at the end of the vibration - level at its start) / duration, V/s.
+    pub v_per_s: f64,
+    /// Its standard uncertainty, V/s; greater than zero.
+    pub sigma_v_per_s: f64,
 }
 
 /// Extremes of the output during a run, from an analogue peak detector.
@@ -91,6 +104,18 @@ pub struct Extremes {
     pub minimum_v: f64,
     /// Greatest output, V.
     pub maximum_v: f64,
+}
+
+impl Extremes {
+    /// Least and greatest output over a scale factor of either sign, g.
+    pub fn over(&self, scale_v_per_g: f64) -> [f64; 2] {
+        let [one, other] = [self.minimum_v, self.maximum_v].map(|v| v / scale_v_per_g);
+        if scale_v_per_g < 0.0 {
+            [other, one]
+        } else {
+            [one, other]
+        }
+    }
 }
 
 /// Moments of the table's motion, each on IA, PA and OA.
@@ -107,8 +132,10 @@ pub struct ReferenceMoments {
     pub correlation: Option<[f64; 3]>,
 }
 
-/// Largest skewness or kurtosis that is taken for a record's.
-const MAX_SHAPE: f64 = 1e4;
+/// From the centre of the plateau before a vibration to the centre of the vibration, s.
+pub const BEFORE_TO_DURING_S: f64 = 20.0;
+/// From the centre of the plateau before a vibration to that of the plateau after it, s.
+pub const BEFORE_TO_AFTER_S: f64 = 40.0;
 
 const DIRECTION: [&str; 3] = ["dir_i", "dir_p", "dir_o"];
 const GRAVITY: [&str; 3] = ["a0_i_g", "a0_p_g", "a0_o_g"];
@@ -122,6 +149,12 @@ const OUTPUT: [&str; 8] = [
     "u_min_v",
     "u_max_v",
 ];
+/// What of [`OUTPUT`] a measured run has.
+const MEASURED: [&str; 3] = ["u_before_v", "u_during_v", "sigma_v"];
+/// And what it may lack.
+const AFTER: [&str; 1] = ["u_after_v"];
+const DRIFT: [&str; 2] = ["drift_v_per_s", "drift_sigma_v_per_s"];
+const EXTREMES: [&str; 2] = ["u_min_v", "u_max_v"];
 const RMS: [&str; 3] = ["ref_i_rms_g", "ref_p_rms_g", "ref_o_rms_g"];
 const SKEWNESS: [&str; 3] = ["ref_i_skew", "ref_p_skew", "ref_o_skew"];
 const KURTOSIS: [&str; 3] = ["ref_i_kurt", "ref_p_kurt", "ref_o_kurt"];
@@ -152,54 +185,71 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 /// # Errors
 /// The first thing wrong in the file, with row and column.
 pub fn read_runs(file: &Path, config: &CampaignConfig) -> Result<Vec<Run>, Error> {
-    let required = [CONDITIONS.as_slice(), &OUTPUT].concat();
+    let required = [CONDITIONS.as_slice(), &MEASURED].concat();
     let moments = [RMS, SKEWNESS, KURTOSIS].concat();
-    let known = [required.as_slice(), &moments, &CORRELATION].concat();
-    let mut table = Table::open(file, &required)?;
-    table.require_all_or_none(&moments)?;
-    table.require_all_or_none(&CORRELATION)?;
+    let marks = [SESSION, EXCLUDE];
+    let known = [
+        required.as_slice(),
+        &AFTER,
+        &DRIFT,
+        &EXTREMES,
+        &moments,
+        &CORRELATION,
+        &marks,
+    ]
+    .concat();
+    let together = [
+        DRIFT.as_slice(),
+        EXTREMES.as_slice(),
+        moments.as_slice(),
+        CORRELATION.as_slice(),
+    ];
+    let mut table = Table::open(file, &required, &together)?;
     let mut instrument = OneInstrument::new(config);
     let mut runs: Vec<Run> = Vec::new();
+    let mut latest_s: Option<f64> = None;
     while let Some(row) = table.next_row()? {
         let number = instrument.check_row(&row, "run")?;
         let run = run(&row, number, &known)?;
-        if let Some(earlier) = runs.last().filter(|earlier| earlier.time_s > run.time_s) {
-            let problem = format!(
-                "{} is before {} of the row above",
-                run.time_s, earlier.time_s
-            );
-            return Err(row.error("time_s", problem));
-        }
-        if let Some(measured) = &run.measured {
-            let input_axis_g = run.specific_force_g.i;
-            instrument.check_output(&row, "u_before_v", measured.before_v, input_axis_g)?;
+        if !run.exclude {
+            if let Some(earlier_s) = latest_s.filter(|earlier_s| *earlier_s > run.time_s) {
+                let problem = format!("{} is before {earlier_s} of the row above", run.time_s);
+                return Err(row.error("time_s", problem));
+            }
+            latest_s = Some(run.time_s);
+            if let Some(measured) = &run.measured {
+                instrument.note_output(measured.before_v, run.specific_force_g.i);
+            }
         }
         runs.push(run);
     }
+    instrument.check_outputs(file, MEASURED[0])?;
     Ok(runs)
 }
 
 fn run(row: &Row<'_>, number: u64, known: &[&str]) -> Result<Run, Error> {
-    let [i, p, o] = row.numbers(GRAVITY)?;
+    let [i, p, o] = row.numbers(GRAVITY, &ranges::SPECIFIC_FORCE)?;
     let kind = row.one_of("kind", &KINDS, "a kind: sine or random")?;
     Ok(Run {
         run: number,
-        time_s: row.number("time_s")?,
+        time_s: row.number("time_s", &ranges::TIME)?,
         kind,
         direction: direction(row)?,
-        level_g: row.within("level_g", 0.0, 1e6)?,
+        level_g: row.number("level_g", &ranges::LEVEL)?,
         band_hz: band(row, kind)?,
         specific_force_g: SpecificForce::new(i, p, o),
-        temp_c: row.within("temp_c", -273.15, 1000.0)?,
-        duration_s: row.positive("duration_s")?,
+        temp_c: row.number("temp_c", &ranges::TEMPERATURE)?,
+        duration_s: row.number("duration_s", &ranges::DURATION)?,
         measured: measured(row)?,
         reference: reference(row)?,
+        session: row.words(SESSION),
+        exclude: row.flag(EXCLUDE)?,
         unknown: row.unknown(known),
     })
 }
 
 fn direction(row: &Row<'_>) -> Result<[f64; 3], Error> {
-    let direction = row.numbers(DIRECTION)?;
+    let direction = row.numbers(DIRECTION, &ranges::COSINE)?;
     let length = direction
         .iter()
         .map(|cosine| cosine * cosine)
@@ -213,8 +263,8 @@ fn direction(row: &Row<'_>) -> Result<[f64; 3], Error> {
 }
 
 fn band(row: &Row<'_>, kind: VibrationKind) -> Result<[f64; 2], Error> {
-    let low_hz = row.within("f_lo_hz", 0.0, 1e9)?;
-    let high_hz = row.positive("f_hi_hz")?;
+    let low_hz = row.number("f_lo_hz", &ranges::FREQUENCY)?;
+    let high_hz = row.number("f_hi_hz", &ranges::FREQUENCY)?;
     let problem = match kind {
         _ if high_hz < low_hz => format!("{high_hz} is below f_lo_hz = {low_hz}"),
         VibrationKind::Sine if high_hz > low_hz => {
@@ -231,49 +281,70 @@ fn band(row: &Row<'_>, kind: VibrationKind) -> Result<[f64; 2], Error> {
 /// The measured output, or `None` where all three plateaus are empty. In a row without output the
 /// further cells of it (sigma, drift, extremes) may be filled, must be sound, and are not kept.
 fn measured(row: &Row<'_>) -> Result<Option<Measured>, Error> {
-    let [
-        before,
-        during,
-        after,
-        sigma,
-        drift,
-        drift_sigma,
-        minimum,
-        maximum,
-    ] = OUTPUT;
-    if [before, during, after]
+    let [before, during, sigma] = MEASURED;
+    let unmade = [before, during, AFTER[0]]
         .iter()
-        .all(|plateau| row.text(plateau).is_none())
-    {
-        for column in [sigma, drift_sigma] {
-            row.text(column).map(|_| row.positive(column)).transpose()?;
-        }
-        for column in [drift, minimum, maximum] {
-            row.text(column).map(|_| row.number(column)).transpose()?;
-        }
+        .all(|plateau| row.text(plateau).is_none());
+    // Of a run that was not made the uncertainties may be stated already.
+    let drift = match row.text(DRIFT[0]) {
+        None if unmade => row.optional(DRIFT[1], &ranges::DRIFT_SIGMA)?.and(None),
+        _ => pair(row, DRIFT, [&ranges::DRIFT, &ranges::DRIFT_SIGMA])?,
+    };
+    let further = Further {
+        after_v: row.optional(AFTER[0], &ranges::OUTPUT)?,
+        drift: drift.map(|[v_per_s, sigma_v_per_s]| Drift {
+            v_per_s,
+            sigma_v_per_s,
+        }),
+        extremes: extremes(row)?,
+    };
+    if unmade {
+        row.optional(sigma, &ranges::OUTPUT_SIGMA)?;
         return Ok(None);
     }
     Ok(Some(Measured {
-        before_v: row.voltage(before)?,
-        during_v: row.voltage(during)?,
-        after_v: row.voltage(after)?,
-        sigma_v: row.sigma(sigma)?,
-        drift_v_per_s: row.number(drift)?,
-        drift_sigma_v_per_s: row.positive(drift_sigma)?,
-        extremes: extremes(row, minimum, maximum)?,
+        before_v: row.number(before, &ranges::OUTPUT)?,
+        during_v: row.number(during, &ranges::OUTPUT)?,
+        after_v: further.after_v,
+        sigma_v: row.number(sigma, &ranges::OUTPUT_SIGMA)?,
+        drift: further.drift,
+        extremes: further.extremes,
     }))
+}
+
+/// What a laboratory may lack.
+struct Further {
+    after_v: Option<f64>,
+    drift: Option<Drift>,
+    extremes: Option<Extremes>,
+}
+
+/// Two numbers of which a row has both or none.
+fn pair(
+    row: &Row<'_>,
+    columns: [&str; 2],
+    ranges: [&'static Range; 2],
+) -> Result<Option<[f64; 2]>, Error> {
+    if columns.iter().all(|column| row.text(column).is_none()) {
+        return Ok(None);
+    }
+    Ok(Some([
+        row.number(columns[0], ranges[0])?,
+        row.number(columns[1], ranges[1])?,
+    ]))
 }
 
 /// Relative error of the peak detector, a few parts in 1e4, several times over: extremes that differ by less may be alike.
 pub const DETECTOR_REL_ERROR: f64 = 2e-3;
 
-fn extremes(row: &Row<'_>, minimum: &str, maximum: &str) -> Result<Option<Extremes>, Error> {
-    if row.text(minimum).is_none() && row.text(maximum).is_none() {
+fn extremes(row: &Row<'_>) -> Result<Option<Extremes>, Error> {
+    let found = pair(row, EXTREMES, [&ranges::OUTPUT, &ranges::OUTPUT])?;
+    let Some([minimum_v, maximum_v]) = found else {
         return Ok(None);
-    }
+    };
     let extremes = Extremes {
-        minimum_v: row.voltage(minimum)?,
-        maximum_v: row.voltage(maximum)?,
+        minimum_v,
+        maximum_v,
     };
     // Across the input axis both may lie within what the detector's own error spans.
     let size_v = extremes.maximum_v.abs().max(extremes.minimum_v.abs());
@@ -282,7 +353,7 @@ fn extremes(row: &Row<'_>, minimum: &str, maximum: &str) -> Result<Option<Extrem
             "{} is below u_min_v = {}",
             extremes.maximum_v, extremes.minimum_v
         );
-        return Err(row.error(maximum, problem));
+        return Err(row.error(EXTREMES[1], problem));
     }
     Ok(Some(extremes))
 }
@@ -290,36 +361,49 @@ fn extremes(row: &Row<'_>, minimum: &str, maximum: &str) -> Result<Option<Extrem
 /// The reference's moments, or `None` where all their cells are empty or the columns are not there.
 fn reference(row: &Row<'_>) -> Result<Option<ReferenceMoments>, Error> {
     let filled = |columns: &[&str]| columns.iter().any(|column| row.text(column).is_some());
-    let correlation = match filled(&CORRELATION) {
-        true => Some(each_within(
-            row,
-            CORRELATION,
-            -1.0 - UNIT_TOLERANCE,
-            1.0 + UNIT_TOLERANCE,
-        )?),
-        false => None,
-    };
+    let correlation = filled(&CORRELATION).then(|| correlation(row)).transpose()?;
     if !filled(&RMS) && !filled(&SKEWNESS) && !filled(&KURTOSIS) {
         return match correlation {
             None => Ok(None),
             Some(_) => Err(row.error(RMS[0], Problem::Empty)),
         };
     }
-    Ok(Some(ReferenceMoments {
-        rms_g: each_within(row, RMS, 0.0, 1e6)?,
-        skewness: each_within(row, SKEWNESS, -MAX_SHAPE, MAX_SHAPE)?,
-        kurtosis: each_within(row, KURTOSIS, 0.0, MAX_SHAPE)?,
+    let seen = ReferenceMoments {
+        rms_g: row.numbers(RMS, &ranges::RMS)?,
+        skewness: row.numbers(SKEWNESS, &ranges::SKEWNESS)?,
+        kurtosis: row.numbers(KURTOSIS, &ranges::KURTOSIS)?,
         correlation,
-    }))
+    };
+    for axis in 0..3 {
+        let (skewness, kurtosis) = (seen.skewness[axis], seen.kurtosis[axis]);
+        let least = 1.0 + skewness * skewness;
+        let stands_still = skewness == 0.0 && kurtosis == 0.0;
+        if !stands_still && kurtosis < least * (1.0 - MOMENT_ROUNDING) {
+            let problem = format!(
+                "{kurtosis} is below 1 + skewness^2 = {least}, which no record has; is it the excess over 3?"
+            );
+            return Err(row.error(KURTOSIS[axis], problem));
+        }
+    }
+    Ok(Some(seen))
 }
 
-fn each_within(row: &Row<'_>, columns: [&str; 3], low: f64, high: f64) -> Result<[f64; 3], Error> {
-    let [i, p, o] = columns;
-    Ok([
-        row.within(i, low, high)?,
-        row.within(p, low, high)?,
-        row.within(o, low, high)?,
-    ])
+/// What three decimals leave of a moment, and of a correlation: half a unit of the last.
+const MOMENT_ROUNDING: f64 = 5e-4;
+
+/// Correlation coefficients that some motion can have: their matrix is positive semidefinite within rounding.
+fn correlation(row: &Row<'_>) -> Result<[f64; 3], Error> {
+    let found = row.numbers(CORRELATION, &ranges::CORRELATION)?;
+    let [ip, io, po] = found;
+    let determinant = 1.0 + 2.0 * ip * io * po - ip * ip - io * io - po * po;
+    // Its derivative by a coefficient is within 2 (1 + 1), for three of them.
+    if determinant >= -12.0 * MOMENT_ROUNDING {
+        return Ok(found);
+    }
+    let problem = format!(
+        "{ip} with {io} and {po}: no motion has these three correlations, their matrix is not positive semidefinite"
+    );
+    Err(row.error(CORRELATION[0], problem))
 }
 
 /// Writes a table of runs, made or still to be predicted.
@@ -328,6 +412,7 @@ fn each_within(row: &Row<'_>, columns: [&str; 3], low: f64, high: f64) -> Result
 /// What the file system says.
 pub fn write_runs(file: &Path, runs: &[Run]) -> Result<(), Error> {
     let mut columns = [CONDITIONS.as_slice(), &OUTPUT].concat();
+    let marks = Marks::of(runs.iter().map(|run| (run.session.as_deref(), run.exclude)));
     let with_moments = runs.iter().any(|run| run.reference.is_some());
     let with_correlation = runs
         .iter()
@@ -339,6 +424,7 @@ pub fn write_runs(file: &Path, runs: &[Run]) -> Result<(), Error> {
     if with_correlation {
         columns.extend(CORRELATION);
     }
+    columns.extend(marks.columns());
     let cells = |run: &Run| {
         let mut cells = condition_cells(run);
         cells.extend(output_cells(run.measured.as_ref()));
@@ -353,6 +439,7 @@ pub fn write_runs(file: &Path, runs: &[Run]) -> Result<(), Error> {
             let seen = run.reference.as_ref().and_then(|seen| seen.correlation);
             cells.extend(filled(seen.map(Vec::from), 3));
         }
+        cells.extend(marks.cells(run.session.as_deref(), run.exclude));
         cells
     };
     write_table(file, &columns, runs, cells, |run| &run.unknown)
@@ -376,23 +463,24 @@ fn condition_cells(run: &Run) -> Vec<String> {
     cells
 }
 
+/// In the order of [`OUTPUT`].
 fn output_cells(measured: Option<&Measured>) -> Vec<String> {
-    let mut cells = filled(
-        measured.map(|m| {
-            vec![
-                m.before_v,
-                m.during_v,
-                m.after_v,
-                m.sigma_v,
-                m.drift_v_per_s,
-                m.drift_sigma_v_per_s,
-            ]
-        }),
-        6,
-    );
+    let drift = measured.and_then(|m| m.drift);
     let extremes = measured.and_then(|m| m.extremes);
-    cells.extend(filled(extremes.map(|e| vec![e.minimum_v, e.maximum_v]), 2));
-    cells
+    let numbers = [
+        measured.map(|m| m.before_v),
+        measured.map(|m| m.during_v),
+        measured.and_then(|m| m.after_v),
+        measured.map(|m| m.sigma_v),
+        drift.map(|drift| drift.v_per_s),
+        drift.map(|drift| drift.sigma_v_per_s),
+        extremes.map(|extremes| extremes.minimum_v),
+        extremes.map(|extremes| extremes.maximum_v),
+    ];
+    numbers
+        .iter()
+        .map(|number| number.map_or_else(String::new, |number| number.to_string()))
+        .collect()
 }
 
 /// Numbers as cells, or as many empty ones.

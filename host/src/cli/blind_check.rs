@@ -1,8 +1,8 @@
 //! `vre blind-check`
 
 use super::{Command, Console};
-use crate::diagnose::blind::blind_check;
 use crate::error::Error;
+use crate::study::blind_check;
 
 /// Diagnose many simulated campaigns whose effect is withheld, and print how often it is found
 #[derive(clap::Args)]

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 use std::time::Duration;
 
-use super::{Command, Console, positive};
+use super::{Command, Console, positive, refuse_campaign};
 use crate::attended::{self, Operator, Reply, Test};
 use crate::bench::noise::Seed;
 use crate::bench::plan::{self, Static};
@@ -25,6 +25,9 @@ pub struct Capture {
     /// Folder for campaign.toml, static.csv, vibration.csv and record.vre
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Write into a folder that holds a campaign already, over it; a record that is there is kept under another name
+    #[arg(long)]
+    force: bool,
     /// Run the image for the board in the emulator, instead of the firmware's library on the host
     #[arg(long)]
     emulated: bool,
@@ -70,6 +73,9 @@ pub struct Capture {
 
 impl Command for Capture {
     fn run(self, console: &Console) -> Result<(), Error> {
+        if !self.force {
+            refuse_campaign(&self.out, ", or say --force")?;
+        }
         if let (Some(port), Some(bench)) = (&self.port, &self.bench) {
             return self.attended(port, bench, console);
         }
@@ -104,6 +110,7 @@ impl Capture {
             Duration::try_from_secs_f64(seconds)
                 .map_err(|_| Error::Usage(format!("{option} {seconds}: is too long")))
         };
+        console.print(front_end(&config, bench))?;
         let temp_c = self.temp_c.unwrap_or(config.bench.reference_temp_c);
         if !temp_c.is_finite() {
             return Err(Error::Usage(format!("--temp-c {temp_c}: is not finite")));
@@ -116,6 +123,7 @@ impl Capture {
             temp_c,
         };
         let source = SerialSource::open(port, self.baud)?;
+        capture::make_way(&self.out)?;
         let mut person = Person::new(console);
         let found = attended::measure(source, &test, &self.out, &mut person)?;
         let readings = found.campaign.map_or(0, |campaign| campaign.readings.len());
@@ -129,6 +137,18 @@ impl Capture {
         ))?;
         console.json(tally)
     }
+}
+
+/// One line on what lies between instrument and converter, and where that is stated.
+fn front_end(config: &CampaignConfig, file: &Path) -> String {
+    let acquisition = &config.acquisition;
+    let stated = if acquisition.states_front_end() {
+        "as stated in"
+    } else {
+        "no divider or gain is stated in"
+    };
+    let front_end = acquisition.front_end();
+    format!("front end: {front_end} ({stated} {})", file.display())
 }
 
 /// The person at the terminal.

@@ -6,21 +6,21 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde::Serialize;
 use shared::compensate::{self, Calibration};
-use shared::model::FURTHER;
+use shared::model::FURTHER_NAMES;
 use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
 use shared::stated_errors::StatedErrors;
 use shared::wire::configuration::{Certified, Configuration, Provenance};
 use shared::wire::message::StoreFault;
 
 use super::{Command, Console, positive};
-use crate::bench::excitation::FrontEnd;
 use crate::campaign::Campaign;
 use crate::configuration::{configuration, provenance};
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::error::Error;
-use crate::identification::{Method, NAMES, identify};
+use crate::front_end::FrontEnd;
 use crate::link::{Kept, Link};
 use crate::source::{BAUD, SerialSource};
+use crate::statics::{Method, NAMES, identify};
 
 /// Give an instrument the coefficients of a campaign to compensate its vibration error with, which it keeps; or show or erase
 /// what it keeps
@@ -59,9 +59,10 @@ pub struct Configure {
     /// Conversions in a block: 40 are a hundred blocks a second at 4 kSPS
     #[arg(long, value_name = "N", default_value_t = 40)]
     block: u16,
-    /// Volts of the instrument's output over those at the converter
-    #[arg(long, value_name = "RATIO", default_value_t = 10.0, value_parser = positive)]
-    divider: f64,
+    /// Volts of the instrument's output over those at the converter [default: divider over gain of campaign.toml, 1 where
+    /// it states neither]
+    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    divider: Option<f64>,
     /// Scale of the reference at the converter, V/g
     #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = positive)]
     reference: f64,
@@ -110,9 +111,6 @@ fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Names of the further coefficients, as [`NAMES`] has those of the nominal ones.
-const FURTHER_NAMES: [&str; FURTHER] = ["k5", "K0_prime", "Koq", "Kpp", "Koo"];
-
 #[derive(Clone, Copy, ValueEnum)]
 enum Mode {
     Block,
@@ -136,15 +134,23 @@ struct Shown {
 }
 
 impl Configure {
-    fn wanted(&self, folder: &Path) -> Result<Certified, Error> {
-        let campaign = Campaign::read(folder)?;
+    /// What the instrument is to have, and a line on the front end that it is reckoned with.
+    fn wanted(&self, folder: &Path) -> Result<(Certified, String), Error> {
+        let campaign = Campaign::read(folder)?.used();
         let known = match &self.diagnosis {
             Some(file) => diagnosed(file, &campaign)?,
             None => identify(&campaign, Method::LeastSquares, None)?.calibration(),
         };
-        let front_end = FrontEnd {
-            divider: self.divider,
-            reference_v_per_g: self.reference,
+        let acquisition = &campaign.config.acquisition;
+        let (front_end, stated) = match self.divider {
+            Some(divider) => (FrontEnd { divider, gain: 1.0 }, "as --divider says"),
+            None if acquisition.states_front_end() => {
+                (acquisition.front_end(), "as campaign.toml states")
+            }
+            None => (
+                acquisition.front_end(),
+                "campaign.toml states no divider or gain; see --divider",
+            ),
         };
         let mode = match self.mode {
             Mode::Block => compensate::Mode::Block,
@@ -155,12 +161,19 @@ impl Configure {
             Source::Instrument => compensate::Source::Instrument,
         };
         let wanted = Certified {
-            configuration: configuration(&known, &front_end, mode, source, self.block),
+            configuration: configuration(
+                &known,
+                &front_end,
+                self.reference,
+                mode,
+                source,
+                self.block,
+            ),
             provenance: Some(provenance(folder, &campaign)?),
             errors: self.errors.stated(),
         };
         if wanted.is_possible() {
-            Ok(wanted)
+            Ok((wanted, format!("front end: {front_end} ({stated})")))
         } else {
             let line = "no instrument can compensate with this: a block has at least 4 conversions, K1 is positive";
             Err(Error::Usage(line.into()))
@@ -238,6 +251,13 @@ impl Command for Configure {
             .as_deref()
             .map(|c| self.wanted(c))
             .transpose()?;
+        let wanted = match wanted {
+            None => None,
+            Some((wanted, front_end)) => {
+                console.print(front_end)?;
+                Some(wanted)
+            }
+        };
         let mut link = Link::unrecorded(SerialSource::open(&self.port, self.baud)?)?;
         let mut kept = link.ask_configuration()?;
         if wanted.is_some() || self.erase {

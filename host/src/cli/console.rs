@@ -8,7 +8,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use crate::error::Error;
+use crate::error::{Error, printable};
 use crate::output::{json_text, write_json};
 
 /// The options that all commands share.
@@ -31,11 +31,23 @@ impl Console {
         if self.quiet {
             return Ok(());
         }
-        let text = text.to_string();
+        let text = terminal_text(&text.to_string());
         match self.json_to_stdout() {
             true => write_lines(io::stderr(), "standard error", &text),
             false => write_lines(io::stdout(), "standard output", &text),
         }
+    }
+
+    /// Tells on standard error what is odd but no failure.
+    ///
+    /// # Errors
+    /// Standard error cannot be written.
+    pub fn warn(&self, line: impl Display) -> Result<(), Error> {
+        if self.quiet {
+            return Ok(());
+        }
+        let line = format!("warning: {line}");
+        write_lines(io::stderr(), "standard error", &terminal_text(&line))
     }
 
     /// Writes `result` where `--json` says, if it was given.
@@ -69,6 +81,12 @@ impl Console {
     fn json_to_stdout(&self) -> bool {
         self.json.as_deref() == Some(Path::new("-"))
     }
+}
+
+/// Lines without what steers a terminal, whoever wrote it into a file or onto the link.
+fn terminal_text(text: &str) -> String {
+    let lines: Vec<String> = text.split('\n').map(printable).collect();
+    lines.join("\n")
 }
 
 fn write_lines(mut stream: impl Write, name: &str, text: &str) -> Result<(), Error> {

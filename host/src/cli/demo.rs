@@ -5,15 +5,15 @@ use std::path::PathBuf;
 
 use shared::model::NOMINAL;
 
-use super::{Command, Console, positive};
+use super::{Command, Console, positive, refuse_campaign};
 use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
 use crate::capture::{self, Captured};
 use crate::error::Error;
-use crate::identification::NAMES;
 use crate::output::write_json;
 use crate::report::{self, Report};
+use crate::statics::NAMES;
 
 /// Runs of the demonstration: what the converter passes whole at 4 kSPS.
 const HIGHEST_HZ: f64 = 480.0;
@@ -43,12 +43,21 @@ impl Command for Demo {
         bench.plan.runs.retain(|run| run.f_hi_hz <= HIGHEST_HZ);
         let bar = console.progress(capture::steps(&bench), "measuring");
         let campaign_folder = self.out.join("campaign");
+        let truth_file = self.out.join("truth.json");
+        let record = campaign_folder.join(capture::RECORD);
+        if !truth_file.exists() {
+            refuse_campaign(&campaign_folder, "")?;
+        } else if record.exists() {
+            // That of a demonstration before.
+            std::fs::remove_file(&record).map_err(Error::write(&record))?;
+        }
+        let truth = bench.accelerometer.coefficients.to_nominal();
+        std::fs::create_dir_all(&self.out).map_err(Error::write(&self.out))?;
+        write_json(&truth_file, &truth_by_name(&truth))?;
         let captured = capture::capture_virtual(&bench, &campaign_folder, || bar.inc(1))?;
         bar.finish_and_clear();
 
         let report = report::write(&captured.campaign, &self.out)?;
-        let truth = bench.accelerometer.coefficients.to_nominal();
-        write_json(&self.out.join("truth.json"), &truth_by_name(&truth))?;
         console.print(self.text(&captured, &report, &truth))?;
         console.json(&report.prediction)
     }

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use super::{Command, Console};
-use crate::campaign::Campaign;
-use crate::diagnose::{diagnose, text};
+use super::{Command, Console, read_campaign};
+use crate::contradictions;
+use crate::diagnose::diagnose;
 use crate::error::Error;
 use crate::output::write_file;
-use crate::report::diagnosis_page;
+use crate::report::{diagnosis_page, diagnosis_text};
 
 /// Find where the gap between prediction and shaker lies, which effect causes it and how far it shrinks
 #[derive(clap::Args)]
@@ -23,16 +23,23 @@ pub struct Diagnose {
     /// Write a page with pictures
     #[arg(long, value_name = "FILE.html")]
     html: Option<PathBuf>,
+    /// Go on although columns contradict each other in all rows of a kind, as level_g and ref_*_rms_g by a unit
+    #[arg(long)]
+    accept_contradictions: bool,
 }
 
 impl Command for Diagnose {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = Campaign::read(&self.campaign)?;
+        let campaign = read_campaign(&self.campaign, console)?;
+        let accepted = self.accept_contradictions;
+        for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
+            console.print(format!("vibration.csv, {contradiction}"))?;
+        }
         let study = diagnose(&campaign, &self.without)?;
         if let Some(file) = &self.html {
             write_file(file, diagnosis_page(&study)?.as_bytes())?;
         }
-        console.print(text(&study.diagnosis))?;
+        console.print(diagnosis_text(&study.diagnosis))?;
         console.json(&study.diagnosis)
     }
 }

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
-use super::{Command, Console};
-use crate::campaign::Campaign;
+use super::{Command, Console, read_campaign};
 use crate::error::Error;
-use crate::identification::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
+use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]
@@ -28,7 +28,7 @@ pub struct Identify {
 
 impl Command for Identify {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = Campaign::read(&self.campaign)?;
+        let campaign = read_campaign(&self.campaign, console)?;
         let identification = identify(&campaign, self.method, self.prior_sigma)?;
         console.print(text(&identification))?;
         console.json(&identification)
@@ -70,8 +70,8 @@ fn text(found: &Identification) -> String {
     for direction in &found.blind_directions {
         let _ = writeln!(
             text,
-            "BLIND: no reading of this plan sees the direction {}. Predicted vibration errors along it rest on \
-             an assumption; `vre plan` tells which positions to add.",
+            "BLIND: the readings do not determine the direction {} beside what is known beforehand. Predicted vibration \
+             errors along it rest on an assumption; `vre plan` tells which positions to add.",
             sum(direction)
         );
     }
@@ -93,7 +93,7 @@ pub fn sum(direction: &BTreeMap<&str, f64>) -> String {
 
 /// A condition number for people.
 pub fn condition(condition: f64) -> String {
-    if condition < 1e12 {
+    if condition < DEFICIENT_CONDITION {
         format!("condition number {condition:.1}")
     } else {
         "condition number infinite within rounding".into()

@@ -7,6 +7,7 @@ mod console;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
@@ -14,7 +15,9 @@ use clap::{Parser, Subcommand};
 
 pub use console::Console;
 
-use crate::error::Error;
+use crate::campaign::Campaign;
+use crate::capture::RECORD;
+use crate::error::{Error, printable};
 
 /// What a command does with its arguments.
 trait Command {
@@ -95,11 +98,42 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if error.is_broken_pipe() => ExitCode::SUCCESS,
         Err(error) => {
-            let line = error.to_string().replace(char::is_control, " ");
+            let line = printable(&error.to_string().replace(char::is_control, " "));
             // With standard error closed, the exit status is all that is left to say it.
             let _ = writeln!(io::stderr(), "error: {line}");
             ExitCode::from(error.exit_status())
         }
+    }
+}
+
+/// The campaign in `folder` as it is used. Tells what is odd about it, and how many of its rows are excluded.
+fn read_campaign(folder: &Path, console: &Console) -> Result<Campaign, Error> {
+    let campaign = Campaign::read(folder)?;
+    let (readings, runs) = campaign.excluded();
+    let campaign = campaign.used();
+    for oddity in campaign.oddities() {
+        console.warn(oddity)?;
+    }
+    if readings + runs > 0 {
+        console.print(format!(
+            "left out as excluded: {readings} readings, {runs} runs\n"
+        ))?;
+    }
+    Ok(campaign)
+}
+
+/// Files by which a folder holds a campaign.
+const CAMPAIGN_FILES: [&str; 4] = ["campaign.toml", "static.csv", "vibration.csv", RECORD];
+
+/// A folder that holds a campaign is not written into; `hint` tells what else can be done than to name another.
+fn refuse_campaign(folder: &Path, hint: &str) -> Result<(), Error> {
+    let mut names = CAMPAIGN_FILES.iter();
+    match names.find(|name| folder.join(name).exists()) {
+        Some(name) => Err(Error::Usage(format!(
+            "{}: holds {name} of a campaign already; name another folder{hint}",
+            folder.display()
+        ))),
+        None => Ok(()),
     }
 }
 

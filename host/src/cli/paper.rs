@@ -40,8 +40,15 @@ impl Command for Paper {
 }
 
 fn text(result: &Tables) -> String {
-    let mut text =
-        String::from("Table 1 as published, 1e-4 of the unit (no uncertainties are published)\n");
+    let mut text = String::new();
+    write_table_1(&mut text);
+    write_table_2(&mut text, result);
+    write_implied(&mut text, &result.instruments);
+    text + &diagnosed(&result.diagnoses)
+}
+
+fn write_table_1(text: &mut String) {
+    text.push_str("Table 1 as published, 1e-4 of the unit (no uncertainties are published)\n");
     let _ = writeln!(
         text,
         "  {:<8}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}",
@@ -68,7 +75,9 @@ fn text(result: &Tables) -> String {
         text,
         "  The columns of k3 and k4 are identical for all three instruments.\n"
     );
+}
 
+fn write_table_2(text: &mut String, result: &Tables) {
     let _ = writeln!(
         text,
         "Table 2, white noise of 1 g rms; vibration error in 1e-4 g"
@@ -100,6 +109,10 @@ fn text(result: &Tables) -> String {
         line(&w.from_computed),
         line(&w.from_measured)
     );
+}
+
+/// What Table 1 would have to say.
+fn write_implied(text: &mut String, instruments: &[Comparison]) {
     for (title, of_measured) in [("measured", true), ("computed", false)] {
         let _ = writeln!(
             text,
@@ -110,7 +123,7 @@ fn text(result: &Tables) -> String {
             "  {:<8}{:>10}{:>10}{:>10}   or, the 24 voltages unchanged, (k1', k2, k4) =",
             "", "k1' alone", "k2 alone", "k4 alone"
         );
-        for row in &result.instruments {
+        for row in instruments {
             let implied = if of_measured {
                 &row.implied_by_measured
             } else {
@@ -132,7 +145,6 @@ fn text(result: &Tables) -> String {
         "\n  The last column moves along the direction that the paper's plan cannot see: readings on its 24 positions \
          are\n  the same for the published coefficients and for these, so Table 1 cannot be told from it by that test."
     );
-    text + &diagnosed(&result.diagnoses)
 }
 
 /// What the tables can and cannot say.

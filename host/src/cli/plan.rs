@@ -7,18 +7,18 @@ use std::str::FromStr;
 use serde::Serialize;
 use shared::identify::static_test::Bench;
 use shared::model::{NOMINAL, SpecificForce};
-use shared::tumble::{Position, full_rank_plan, paper_plan};
+use shared::tumble::{ARCSEC_RAD, Position, full_rank_plan, paper_plan};
 use shared::vibration::{Harmonic, Moments, Random};
 
 use super::identify::{condition, sum};
-use super::{Command, Console, positive};
-use crate::campaign::{Campaign, read_plan};
+use super::{Command, Console, positive, read_campaign};
+use crate::campaign::read_plan;
 use crate::error::Error;
-use crate::identification::{self, NAMES};
-use crate::planning::{
-    Assessment, Conditions, Environment, assess, best_plan, positions_to_add, twice_and_remounted,
-};
 use crate::prediction::DEFAULT_PRIOR_SIGMA;
+use crate::statics::{
+    self, Assessment, Conditions, Environment, NAMES, assess, best_plan, positions_to_add,
+    twice_and_remounted,
+};
 
 /// Tell what a plan of dial positions can and cannot tell: rank, blind directions, uncertainty of the predicted VRE
 #[derive(clap::Args)]
@@ -168,7 +168,7 @@ const MOST_ADDITIONS: usize = 8;
 
 impl Command for Plan {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let (plan, conditions) = self.plan_and_conditions()?;
+        let (plan, conditions) = self.plan_and_conditions(console)?;
         let environments = self.environments();
         let fail = |error| Error::Usage(format!("{}: {error}", self.plan));
         if plan.len() < NOMINAL {
@@ -217,8 +217,8 @@ impl Command for Plan {
 }
 
 impl Plan {
-    fn plan_and_conditions(&self) -> Result<(Vec<Position>, Conditions), Error> {
-        let arcsec = |angle: f64| (angle / 3600.0).to_radians();
+    fn plan_and_conditions(&self, console: &Console) -> Result<(Vec<Position>, Conditions), Error> {
+        let arcsec = |angle: f64| angle * ARCSEC_RAD;
         let dial_sigma_rad = arcsec(self.dial_sigma.unwrap_or(5.8));
         let mut conditions = Conditions {
             bench: Bench {
@@ -236,17 +236,13 @@ impl Plan {
             "paper" => paper_plan().collect(),
             "full" => full_rank_plan().collect(),
             _ if path.is_dir() => {
-                let campaign = Campaign::read(path)?;
-                conditions.bench = identification::bench(&campaign.config.bench);
+                let campaign = read_campaign(path, console)?;
+                conditions.bench = statics::bench(&campaign.config.bench);
                 let k1 = campaign.config.instrument.scale_factor_nominal_v_per_g;
                 let n = campaign.readings.len() as f64;
                 conditions.noise_g =
-                    campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1;
-                campaign
-                    .readings
-                    .iter()
-                    .map(identification::position)
-                    .collect()
+                    campaign.readings.iter().map(|r| r.sigma_v).sum::<f64>() / n / k1.abs();
+                campaign.readings.iter().map(statics::position).collect()
             }
             _ => read_plan(path)?,
         };
@@ -297,9 +293,13 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         condition(plan.condition)
     );
     for direction in &plan.blind_directions {
-        let _ = writeln!(text, "BLIND along {}: no reading sees it.", sum(direction));
+        let _ = writeln!(
+            text,
+            "BLIND along {}: the readings tell no more than the prior.",
+            sum(direction)
+        );
     }
-    let arcsec = |angle: f64| angle.to_degrees() * 3600.0;
+    let arcsec = |angle: f64| angle / ARCSEC_RAD;
     let b = &conditions.bench;
     let _ = writeln!(
         text,
@@ -310,6 +310,16 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         arcsec(b.mount_sigma_rad),
         conditions.noise_g
     );
+    write_coefficients(&mut text, plan);
+    write_environments(&mut text, advice, conditions.prior_sigma);
+    write_additions(&mut text, &advice.add);
+    if let Some(best) = &advice.best {
+        write_best(&mut text, best);
+    }
+    text
+}
+
+fn write_coefficients(text: &mut String, plan: &Assessment) {
     let _ = writeln!(
         text,
         "Standard uncertainty of each coefficient, 1e-6 of its unit:"
@@ -320,10 +330,13 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
             None => writeln!(text, "  {name:<12} undetermined"),
         };
     }
+}
+
+fn write_environments(text: &mut String, advice: &Advice, prior_sigma: f64) {
     let _ = writeln!(
         text,
         "\nStandard uncertainty of the predicted vibration error, 1e-6 g (blind: if every coefficient is 0 +- {:e}):",
-        conditions.prior_sigma
+        prior_sigma
     );
     let _ = writeln!(
         text,
@@ -331,15 +344,15 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         "", "readings", "blind", "together"
     );
     let mut rows: Vec<(&str, &Assessment)> = vec![
-        ("this plan", plan),
+        ("this plan", &advice.plan),
         ("twice, one mount", &advice.twice),
         ("as many, half remounted by 180 deg", &advice.remounted),
     ];
     if let Some(best) = &advice.best {
         rows.push(("best plan found", &best.assessment));
     }
-    for k in 0..plan.environments.len() {
-        let _ = writeln!(text, "{}", plan.environments[k].name);
+    for k in 0..advice.plan.environments.len() {
+        let _ = writeln!(text, "{}", advice.plan.environments[k].name);
         for (name, assessment) in &rows {
             let e = &assessment.environments[k];
             let _ = writeln!(
@@ -359,7 +372,10 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
             "  remounting divides what the readings leave by {gain:.1}"
         );
     }
-    if advice.add.is_empty() {
+}
+
+fn write_additions(text: &mut String, additions: &[Addition]) {
+    if additions.is_empty() {
         let _ = writeln!(text, "\nNo single position more lowers this by 2 %.");
     } else {
         let _ = writeln!(
@@ -369,7 +385,7 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
         for Addition {
             position,
             vre_sigma_g,
-        } in &advice.add
+        } in additions
         {
             let _ = writeln!(
                 text,
@@ -380,24 +396,24 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
             );
         }
     }
-    if let Some(best) = &advice.best {
+}
+
+fn write_best(text: &mut String, best: &Best) {
+    let _ = writeln!(
+        text,
+        "\nBest plan found (a local optimum; best for these vibrations only, and for no others):"
+    );
+    for group in best
+        .positions
+        .chunk_by(|a, b| a.series == b.series && a.mount_deg == b.mount_deg)
+    {
+        let angles: Vec<_> = group.iter().map(|p| p.dial_deg.to_string()).collect();
         let _ = writeln!(
             text,
-            "\nBest plan found (a local optimum; best for these vibrations only, and for no others):"
+            "  series {}, mount {:>3} deg, dial {}",
+            u8::from(group[0].series),
+            group[0].mount_deg,
+            angles.join(" ")
         );
-        for group in best
-            .positions
-            .chunk_by(|a, b| a.series == b.series && a.mount_deg == b.mount_deg)
-        {
-            let angles: Vec<_> = group.iter().map(|p| p.dial_deg.to_string()).collect();
-            let _ = writeln!(
-                text,
-                "  series {}, mount {:>3} deg, dial {}",
-                u8::from(group[0].series),
-                group[0].mount_deg,
-                angles.join(" ")
-            );
-        }
     }
-    text
 }

@@ -3,13 +3,15 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::{Command, Console};
-use crate::campaign::{Campaign, Run, read_runs};
-use crate::diagnose::{Diagnosis, predict_with_effects};
+use super::{Command, Console, read_campaign};
+use crate::campaign::{Run, read_runs};
+use crate::contradictions;
+use crate::diagnose::Diagnosis;
 use crate::error::Error;
-use crate::identification::scatter_warning;
 use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
+use crate::refit::predict_refitted;
 use crate::report;
+use crate::statics::scatter_warning;
 
 /// Predict the vibration error of shaker runs from the static test, and from static test and shaker together
 #[derive(clap::Args)]
@@ -30,30 +32,38 @@ pub struct Predict {
     /// Add the effects that `vre diagnose --json` found in the campaign
     #[arg(long, value_name = "FILE.json")]
     diagnosis: Option<PathBuf>,
+    /// Go on although columns contradict each other in all rows of a kind, as level_g and ref_*_rms_g by a unit
+    #[arg(long)]
+    accept_contradictions: bool,
 }
 
 impl Command for Predict {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = Campaign::read(&self.campaign)?;
-        let own;
+        let campaign = read_campaign(&self.campaign, console)?;
+        let accepted = self.accept_contradictions;
+        for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
+            console.print(format!("vibration.csv, {contradiction}"))?;
+        }
+        let mut own;
         let runs = match &self.runs {
             Some(file) => {
                 own = read_runs(file, &campaign.config)?;
+                own.retain(|run| !run.exclude);
                 &own
             }
             None => &campaign.runs,
         };
         if runs.is_empty() {
             return Err(Error::Usage(format!(
-                "{}: has no vibration.csv; name the runs to predict with --runs",
-                self.campaign.display()
+                "{}: has no runs to predict; name a table of some with --runs",
+                self.runs.as_ref().unwrap_or(&self.campaign).display()
             )));
         }
         let mut prediction = predict(&campaign, runs, self.prior_sigma)?;
         if let Some(file) = &self.diagnosis {
             let diagnosis = Diagnosis::read(file)?;
-            let with_effects =
-                predict_with_effects(&campaign, &diagnosis, runs, prediction.prior_sigma)?;
+            let effects = diagnosis.serving();
+            let with_effects = predict_refitted(&campaign, effects, runs, prediction.prior_sigma)?;
             for (run, quantity) in prediction.runs.iter_mut().zip(with_effects) {
                 run.with_effects_vre_g = Some(quantity);
             }

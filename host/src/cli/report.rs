@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Command, Console};
-use crate::campaign::Campaign;
+use super::{Command, Console, read_campaign};
 use crate::error::Error;
 use crate::report;
 
@@ -20,7 +19,7 @@ pub struct Report {
 
 impl Command for Report {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = Campaign::read(&self.campaign)?;
+        let campaign = read_campaign(&self.campaign, console)?;
         let report = report::write(&campaign, &self.out)?;
         console.print(format!(
             "{}\n{}",

@@ -4,15 +4,15 @@ use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
 
-use super::{Command, Console, positive};
+use super::{Command, Console, positive, refuse_campaign};
 use crate::bench::effects;
 use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
 use crate::campaign::write_runs;
-use crate::diagnose::visibility::strength_for;
 use crate::error::Error;
 use crate::seal;
+use crate::study::visibility::strength_for;
 
 const TRUTH: &str = "truth.json";
 const NONE: &str = "none";
@@ -28,6 +28,9 @@ pub struct Simulate {
     /// Folder for campaign.toml, static.csv, vibration.csv, holdout.csv and truth.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Write into a folder that holds a campaign already, over it
+    #[arg(long)]
+    force: bool,
     /// Fixes everything that is random [default: 1; a sealed campaign's comes from the operating system]
     #[arg(long)]
     seed: Option<u64>,
@@ -78,6 +81,9 @@ impl Command for Simulate {
             return Err(Error::Usage(
                 "--visibility needs an --effect other than none".into(),
             ));
+        }
+        if !self.force {
+            refuse_campaign(&self.out, ", or say --force")?;
         }
         let specification = Specification::with_dial_sigma(self.dial_sigma);
         let draw = |index: usize, id: &str, strength: f64| {

@@ -5,12 +5,14 @@ use std::path::PathBuf;
 
 use super::{Command, Console};
 use crate::error::Error;
-use crate::identification::NAMES;
+use crate::statics::NAMES;
 use crate::verification;
 
 /// Compare the instrument's own self-check with the same computation on the host, from the record of a campaign
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  vre verify campaigns/emulated")]
+#[command(
+    after_help = "Exit status 1 if they disagree.\n\nExample:\n  vre verify campaigns/emulated"
+)]
 pub struct Verify {
     /// Folder of the campaign with its record.vre
     campaign: PathBuf,
@@ -55,6 +57,11 @@ impl Command for Verify {
             found.difference
         );
         console.print(text)?;
-        console.json(&found)
+        console.json(&found)?;
+        if found.agrees() {
+            Ok(())
+        } else {
+            Err(Error::Disagreement(found.difference))
+        }
     }
 }

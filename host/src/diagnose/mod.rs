@@ -1,34 +1,111 @@
 //! Where the gap between prediction and shaker lies, which effect causes it, how far it shrinks.
 //!
 //! ```text
-//! campaign -> problem (one whitened vector) -> fit (one hypothesis) -> search (all of them) -> diagnosis
-//!                        catalogue (one entry an effect) -/      adequacy, locate, shrink, next_test -/
+//! campaign -> campaign model -> search (all hypotheses) -> verdict -> answer
+//!                 location, held-out errors, improvement, next tests, on board -/
 //! ```
 //!
 //! Nominal coefficients, dial, mount and level errors and the effects are estimated jointly: an effect also bends the
 //! static identification, so that residuals of a fit without it would mislead.
 
-mod adequacy;
-pub mod blind;
-pub mod catalogue;
-mod closing;
-mod compensation;
-mod dense;
-pub mod diagnosis;
-pub mod fit;
-mod forecast;
-mod locate;
-pub mod motion;
-mod next_test;
-mod parts;
-pub mod problem;
+pub mod answer;
+mod estimates;
+mod held_out;
+mod identification;
+mod improvement;
+mod location;
+mod next_tests;
+mod onboard;
+mod proposals;
 pub mod published;
-pub mod search;
-mod shrink;
-mod text;
-pub mod visibility;
+mod remarks;
+mod rows;
+mod settle;
+mod verdict;
 
-pub use compensation::{Compensation, WHY_NOT_CARRIED};
-pub use diagnosis::{Diagnosis, Study, Verdict, diagnose};
-pub use forecast::{predict_refitted, predict_with_effects};
-pub use text::{headline, text};
+pub use answer::{Compensation, Diagnosis, Verdict};
+pub use onboard::WHY_NOT_CARRIED;
+pub use rows::GapRow;
+
+use crate::campaign::Campaign;
+use crate::contradictions::contradictions;
+use crate::effects::{self, Effect};
+use crate::error::Error;
+use settle::{Settled, settle};
+use verdict::Judgement;
+
+/// A diagnosis with the rows that pictures of it need.
+pub struct Study {
+    /// The answer.
+    pub diagnosis: Diagnosis,
+    /// Every run that was made, in the order of time.
+    pub rows: Vec<GapRow>,
+}
+
+/// Diagnoses a campaign with the effects of the catalogue but those `without`.
+///
+/// # Errors
+/// An unknown identifier in `without`, or a campaign that determines nothing.
+pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error> {
+    let effects = effects_but(without)?;
+    let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
+    let settled = settle(campaign, &effects).ok_or_else(undetermined)?;
+    let best = &settled.search.hypotheses[0].fit;
+    let shrink = held_out::shrink(campaign, &settled.model, &settled.search, best);
+    let judgement = Judgement::of(&settled.search, shrink.as_ref());
+    Ok(Study {
+        rows: rows::rows(&settled.model, judgement.shown(&settled.search)),
+        diagnosis: answer(campaign, &settled, &judgement, shrink),
+    })
+}
+
+fn effects_but(without: &[String]) -> Result<Vec<&'static Effect>, Error> {
+    if let Some(unknown) = without.iter().find(|id| effects::find(id).is_none()) {
+        let known: Vec<&str> = effects::catalogue().map(|effect| effect.id).collect();
+        return Err(Error::Usage(format!(
+            "--without {unknown}: no effect of the catalogue ({})",
+            known.join(", ")
+        )));
+    }
+    let kept = |effect: &&Effect| !without.iter().any(|id| id == effect.id);
+    Ok(effects::catalogue().filter(kept).collect())
+}
+
+fn answer(
+    campaign: &Campaign,
+    settled: &Settled,
+    judgement: &Judgement,
+    shrink_of_best: Option<answer::Shrink>,
+) -> Diagnosis {
+    let Settled { model, search, .. } = settled;
+    let shown = judgement.shown(search);
+    let verdict = judgement.verdict;
+    // Where nothing is what is shown, it is held out instead.
+    let shrink = match std::ptr::eq(shown, &search.hypotheses[0].fit) {
+        true => shrink_of_best,
+        false => held_out::shrink(campaign, model, search, shown),
+    };
+    let shrink = shrink.map(|shrink| shrink.under(verdict));
+    let contradictions = contradictions(campaign);
+    Diagnosis {
+        format: answer::FORMAT.into(),
+        serial: campaign.config.instrument.serial.clone(),
+        verdict,
+        gap: location::gap(model, search),
+        location: location::locate(model, search, shown),
+        which: judgement.which(model, search),
+        shrink,
+        next_tests: next_tests::next_tests(campaign, model, search, verdict),
+        identification: shrink
+            .filter(|_| verdict == Verdict::NoGap)
+            .and_then(|shrink| identification::cause(model, shrink)),
+        similarity: verdict::similarity(model, search),
+        compensation: matches!(verdict, Verdict::Explained | Verdict::NoGap)
+            .then(|| onboard::compensation(model, shown)),
+        suspects: remarks::suspects(campaign, settled, shown, &contradictions),
+        contradictions,
+        noise: remarks::noise(settled),
+        sessions: remarks::sessions(model, shown),
+        not_looked_at: location::not_looked_at(campaign),
+    }
+}

@@ -8,14 +8,18 @@ use serde::Serialize;
 use shared::model::NOMINAL;
 use shared::tumble::paper_plan;
 
-use super::catalogue::{self, Action, Effect, Role, Stage};
-use super::diagnosis::{Verdict, diagnose};
-use super::fit::{Member, grid};
-use super::problem::{Block, Problem};
+use inference::model::Member;
+use inference::prior::{Prior, grid};
+
+use super::{Verdict, diagnose};
 use crate::campaign::{
-    Acquisition, Approach, Bench, Campaign, CampaignConfig, Instrument, Measured, Reading, Run,
-    VibrationKind,
+    Acquisition, Approach, Bench, Campaign, CampaignConfig, Drift, Instrument, Measured, Reading,
+    Run, VibrationKind,
 };
+use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::Assumptions;
+use crate::effects::identity::Stage;
+use crate::effects::{self, Action, Effect};
 use crate::error::Error;
 use crate::paper::Published;
 
@@ -71,21 +75,31 @@ pub struct WouldDo {
 pub fn diagnose_published(row: &Published) -> Result<TableDiagnosis, Error> {
     let campaign = campaign(row);
     let study = diagnose(&campaign, &[])?;
-    let problem = Problem::with_scale(&campaign, &[], row.coefficients.scale_factor_v_per_g);
-    let vre_g = |members: &[Member]| vre_g(&problem, row, members);
+    let effects: Vec<&'static Effect> = effects::catalogue().collect();
+    let scale_v_per_g = row.coefficients.scale_factor_v_per_g;
+    let model = CampaignModel::with_scale(
+        &campaign,
+        &[],
+        &effects,
+        &Assumptions::default(),
+        scale_v_per_g,
+    );
+    let vre_g = |members: &[Member]| vre_g(&model, row, members);
     let gap_g = row.measured_vre_g - vre_g(&[]);
     let mut found = TableDiagnosis {
         instrument: row.instrument,
         verdict: study.diagnosis.verdict,
         gap_g,
-        blind_directions: problem.blind_directions(),
-        spare_numbers: 1 - problem.blind_directions() as i64,
+        blind_directions: model.blind_directions(),
+        spare_numbers: 1 - model.blind_directions() as i64,
         would_do: Vec::new(),
         silent: Vec::new(),
         excluded: Vec::new(),
     };
-    for effect in catalogue::catalogue() {
-        match alone(effect, gap_g, |members| vre_g(members) - vre_g(&[])) {
+    for (component, effect) in effects.into_iter().enumerate() {
+        match alone(effect, component, gap_g, |members| {
+            vre_g(members) - vre_g(&[])
+        }) {
             Alone::Silent => found.silent.push(effect.id),
             Alone::Excluded => found.excluded.push(effect.id),
             Alone::WouldDo(parameter) => found.would_do.push(WouldDo {
@@ -105,12 +119,18 @@ enum Alone {
 }
 
 /// What an effect alone can make of a gap, by the grid of its parameters.
-fn alone(effect: &'static Effect, gap_g: f64, adds_g: impl Fn(&[Member]) -> f64) -> Alone {
-    if let Action::Scatters(_) = effect.action {
+fn alone(
+    effect: &'static Effect,
+    component: usize,
+    gap_g: f64,
+    adds_g: impl Fn(&[Member]) -> f64,
+) -> Alone {
+    if let Action::AddsVariance(_) = effect.action {
         return Alone::Silent;
     }
     let (mut least, mut greatest) = (0.0_f64, 0.0_f64);
-    for member in grid(effect) {
+    for values in grid(effect.parameters) {
+        let member = Member { component, values };
         let mut unit = adds_g(std::slice::from_ref(&member));
         if unit.abs() < NOTHING_G {
             continue;
@@ -124,7 +144,7 @@ fn alone(effect: &'static Effect, gap_g: f64, adds_g: impl Fn(&[Member]) -> f64)
         }
         // The ends of the range, beyond the grid's own points.
         for (k, parameter) in effect.parameters.iter().enumerate() {
-            let Role::Curved { from, to, .. } = parameter.role else {
+            let Prior::Nonlinear { from, to, .. } = parameter.prior else {
                 continue;
             };
             for end in [from, to] {
@@ -148,14 +168,13 @@ fn alone(effect: &'static Effect, gap_g: f64, adds_g: impl Fn(&[Member]) -> f64)
 }
 
 /// Vibration error of the run with Table 1's coefficients and further effects, g.
-fn vre_g(problem: &Problem<'_>, row: &Published, members: &[Member]) -> f64 {
-    let mut theta: [f64; NOMINAL] = row.coefficients.to_nominal();
-    for coefficient in &mut theta[1..] {
+fn vre_g(model: &CampaignModel, row: &Published, members: &[Member]) -> f64 {
+    let mut base_values: [f64; NOMINAL] = row.coefficients.to_nominal();
+    for coefficient in &mut base_values[1..] {
         *coefficient *= row.coefficients.scale_factor_v_per_g;
     }
-    let (values, _) = problem.prediction(members, &theta);
-    let [before, during] = [Block::Before, Block::During].map(|block| problem.range(block).start);
-    values[during] / problem.weights[during] - values[before] / problem.weights[before]
+    let (values, _) = model.prediction(members, &base_values);
+    model.vre_g(&values, 0)
 }
 
 /// Tables 1 and 2 as a campaign.
@@ -169,6 +188,9 @@ fn campaign(row: &Published) -> Campaign {
         level_sigma_arcsec: EVEN * HEAD_ARCSEC,
         local_gravity_g: 1.0,
         reference_temp_c,
+        session_bias_sigma_g: None,
+        session_alignment_sigma_arcsec: None,
+        session_gain_rel_sigma: None,
         unknown: Default::default(),
     };
     let instrument = Instrument {
@@ -179,6 +201,9 @@ fn campaign(row: &Published) -> Campaign {
     };
     let acquisition = Acquisition {
         sample_rate_hz: 400.0,
+        divider: None,
+        gain: None,
+        sigma_dof: None,
         unknown: Default::default(),
     };
     let readings = paper_plan().zip(0..).map(|(position, order)| Reading {
@@ -192,6 +217,8 @@ fn campaign(row: &Published) -> Campaign {
         temp_c: reference_temp_c,
         output_v: c.output_v(position.specific_force()),
         sigma_v: EVEN * ROUNDING_1_G * c.scale_factor_v_per_g,
+        session: None,
+        exclude: false,
         unknown: Vec::new(),
     });
     let rest = shared::model::SpecificForce::new(0.0, 0.0, 1.0);
@@ -209,14 +236,18 @@ fn campaign(row: &Published) -> Campaign {
         measured: Some(Measured {
             before_v,
             during_v: before_v + c.scale_factor_v_per_g * row.measured_vre_g,
-            after_v: before_v,
+            after_v: Some(before_v),
             // The rounding belongs to the difference of two plateaus.
             sigma_v: EVEN * ROUNDING_2_G * c.scale_factor_v_per_g * std::f64::consts::FRAC_1_SQRT_2,
-            drift_v_per_s: 0.0,
-            drift_sigma_v_per_s: ROUNDING_2_G / DURATION_S,
+            drift: Some(Drift {
+                v_per_s: 0.0,
+                sigma_v_per_s: ROUNDING_2_G / DURATION_S,
+            }),
             extremes: None,
         }),
         reference: None,
+        session: None,
+        exclude: false,
         unknown: Vec::new(),
     };
     Campaign {

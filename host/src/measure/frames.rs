@@ -78,42 +78,31 @@ pub(super) fn read(
         Failure::Record(error) => error.in_file(file),
         Failure::Input(problem) => Error::input(file, problem),
     })?;
-    if tally.frames == 0 {
-        let problem = match tally.bytes {
-            0 => Problem::EmptyFile,
-            bytes => Problem::Other(format!(
-                "not one sound frame in {bytes} bytes; a table needs --column"
-            )),
-        };
-        return Err(Error::input(file, problem));
-    }
     if !identified {
-        let [blocks, raw] = held;
-        let problem = format!(
-            "the instrument never says who it is, so codes are no volts; the record holds {} sound frames, {blocks} of \
-             them blocks and {raw} of raw samples",
-            tally.frames
-        );
-        return Err(Error::input(file, problem));
+        return Err(Error::input(file, nobody(&tally, held)));
     }
-    let [blocks, raw] = reader.unidentified;
-    let note = (blocks + raw > 0).then(|| {
-        format!(
-            "{blocks} blocks and {raw} frames of raw samples are left out: the instrument had not yet said who it is"
-        )
-    });
-    for role in [Role::Before, Role::During] {
-        if !reader.segments.iter().any(|segment| segment.role == role) {
-            let what = match (selection, reader.run) {
-                (Some(_), _) => format!("no raw sample is selected by --{role}"),
-                (None, Some(run)) => format!("run {run} has no full block {role} the vibration"),
-                (None, None) => "no block belongs to a shaker run".into(),
-            };
-            let note = note.map(|note| format!("; {note}")).unwrap_or_default();
-            return Err(Error::input(file, what + &note));
-        }
+    let note = reader.left_out();
+    if let Some(problem) = reader.missing_side(selection) {
+        let note = note.map(|note| format!("; {note}")).unwrap_or_default();
+        return Err(Error::input(file, problem + &note));
     }
     Ok((reader.segments, tally, note))
+}
+
+/// What is wrong with a record in which the instrument never says who it is; `held` counts its blocks and frames of raw
+/// samples.
+fn nobody(tally: &Tally, held: [u64; 2]) -> Problem {
+    let [blocks, raw] = held;
+    match (tally.frames, tally.bytes) {
+        (0, 0) => Problem::EmptyFile,
+        (0, bytes) => Problem::Other(format!(
+            "not one sound frame in {bytes} bytes; a table needs --column"
+        )),
+        (frames, _) => Problem::Other(format!(
+            "the instrument never says who it is, so codes are no volts; the record holds {frames} sound frames, {blocks} of \
+             them blocks and {raw} of raw samples"
+        )),
+    }
 }
 
 /// Why reading stops.
@@ -243,6 +232,29 @@ impl Frames<'_> {
             channel.clipped[1] += u64::from(code <= LIMITS[1] || output_g <= -limit);
         }
         Ok(())
+    }
+
+    /// What came while nobody knew from whom, in words.
+    fn left_out(&self) -> Option<String> {
+        let [blocks, raw] = self.unidentified;
+        (blocks + raw > 0).then(|| {
+            format!(
+                "{blocks} blocks and {raw} frames of raw samples are left out: the instrument had not yet said who it is"
+            )
+        })
+    }
+
+    /// What is wrong if a side has no sample.
+    fn missing_side(&self, selection: Option<&Selection>) -> Option<String> {
+        let has = |role: &Role| self.segments.iter().any(|segment| segment.role == *role);
+        let role = [Role::Before, Role::During]
+            .into_iter()
+            .find(|role| !has(role))?;
+        Some(match (selection, self.run) {
+            (Some(_), _) => format!("no raw sample is selected by --{role}"),
+            (None, Some(run)) => format!("run {run} has no full block {role} the vibration"),
+            (None, None) => "no block belongs to a shaker run".into(),
+        })
     }
 
     fn segment(&mut self, role: Role) -> &mut Segment {

@@ -24,7 +24,8 @@ pub use quantisation::Quantisation;
 pub use rival::{Kind, Rival};
 pub use segment::{Role, Segment, Spread};
 pub use selection::{Names, Selection, Window};
-pub use table::Columns;
+
+pub use crate::import::delimited::Columns;
 
 use crate::error::{Error, Problem, clip};
 use crate::quantity::Quantity;

@@ -2,11 +2,12 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::diagnosis_text::headline;
 use super::figures::{Figure, WIDTH};
 use super::page::{STYLE, figure};
 use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour, span};
-use crate::diagnose::problem::Block;
-use crate::diagnose::{Diagnosis, Study, Verdict, WHY_NOT_CARRIED, catalogue, headline};
+use crate::diagnose::{Diagnosis, GapRow, Study, Verdict, WHY_NOT_CARRIED};
+use crate::effects;
 use crate::error::Error;
 use crate::quantity::Quantity;
 
@@ -19,7 +20,7 @@ const DIAGNOSIS_STYLE: &str = "
 ///
 /// # Errors
 /// A picture cannot be drawn.
-pub fn page(study: &Study<'_>) -> Result<String, Error> {
+pub fn page(study: &Study) -> Result<String, Error> {
     let diagnosis = &study.diagnosis;
     let title = format!("Diagnosis of {}", diagnosis.serial);
     let page = html! {
@@ -62,31 +63,23 @@ fn sentence(diagnosis: &Diagnosis) -> String {
 
 /// One plot of the gap over a condition, before and after the effect is added.
 fn over(
-    study: &Study<'_>,
+    study: &Study,
     title: &str,
     axis: (&str, Ticks),
     observed: &str,
-    block: Block,
-    value: impl Fn(&crate::campaign::Run) -> f64,
+    gap: impl Fn(&GapRow) -> [f64; 2],
+    value: impl Fn(&GapRow) -> f64,
 ) -> Plot {
-    let problem = &study.problem;
-    let fit = &study.shown().fit;
-    let (gap, first) = (problem.gap(fit), problem.range(block).start);
-    let row = |values: &[f64]| -> Vec<Point> {
-        let runs = problem
-            .situation
-            .runs
-            .iter()
-            .enumerate()
-            .filter(|(_, run)| run.measured.is_some());
-        runs.map(|(n, run)| Point {
-            x: value(run),
-            y: values[first + n],
+    let points = |which: usize| -> Vec<Point> {
+        let rows = study.rows.iter();
+        rows.map(|row| Point {
+            x: value(row),
+            y: gap(row)[which],
             ..Point::default()
         })
         .collect()
     };
-    let (before, after) = (row(&gap), row(&fit.residuals));
+    let (before, after) = (points(0), points(1));
     let points = before.iter().chain(&after);
     Plot {
         title: title.into(),
@@ -147,34 +140,32 @@ fn condition(factor: &str) -> (&str, &str) {
     }
 }
 
-fn place(study: &Study<'_>) -> Result<Markup, Error> {
+fn place(study: &Study) -> Result<Markup, Error> {
     let location = &study.diagnosis.location;
-    let frequency =
-        |run: &crate::campaign::Run| (run.band_hz[0] * run.band_hz[1]).max(1.0).sqrt().log10();
     let plots = vec![
         over(
             study,
             "Vibration error over frequency",
             ("frequency (of a band: its middle) / Hz", Ticks::Decades),
             "vibration error",
-            Block::During,
-            frequency,
+            |row| row.during,
+            |row| row.centre_hz.max(1.0).log10(),
         ),
         over(
             study,
             "Vibration error over level",
             ("level / g", Ticks::Round(7)),
             "vibration error",
-            Block::During,
-            |run| run.level_g,
+            |row| row.during,
+            |row| row.level_g,
         ),
         over(
             study,
             "Bias before the runs over time",
             ("time / h", Ticks::Round(7)),
             "output at rest",
-            Block::Before,
-            |run| run.time_s / 3600.0,
+            |row| row.before,
+            |row| row.time_s / 3600.0,
         ),
     ];
     let pictures = Figure {
@@ -184,7 +175,7 @@ fn place(study: &Study<'_>) -> Result<Markup, Error> {
                   is still missing."
             .into(),
     };
-    let runs = !study.problem.situation.runs.is_empty();
+    let runs = !study.rows.is_empty();
     Ok(html! {
         h2 { "Where the gap lies" }
         @if study.diagnosis.verdict != Verdict::NoGap {
@@ -207,7 +198,7 @@ fn cause(diagnosis: &Diagnosis) -> Markup {
     html! {
         h2 { "What causes it" }
         @for id in &best.effects {
-            @if let Some(effect) = catalogue::find(id) { p { b { (id) } ": " (effect.says) "." } }
+            @if let Some(effect) = effects::find(id) { p { b { (id) } ": " (effect.says) "." } }
         }
         @if !best.indistinguishable_from.is_empty() {
             p { "These measurements cannot tell it from " b { (best.indistinguishable_from.join(", ")) } "." }

@@ -8,7 +8,7 @@ use shared::tumble::{Position, Series, within_a_turn};
 
 use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour, span};
 use super::{Report, SYMBOLS, outlook, remarks};
-use crate::identification;
+use crate::statics;
 
 /// Plots that belong together, with their explanation.
 pub(super) struct Figure {
@@ -107,7 +107,7 @@ struct Residual {
 
 /// Residuals at the nominal angle, less what the angle of each series and mount explains.
 fn residuals_about_mounts(report: &Report<'_>) -> Vec<Residual> {
-    let bench = identification::bench(&report.campaign.config.bench);
+    let bench = statics::bench(&report.campaign.config.bench);
     let k1 = report.fit.coefficients.scale_factor_v_per_g;
     let tangent = |p: &Position| bench.local_gravity_g * p.series.tangent(p.phi_rad()).i;
     let mut mounts: BTreeMap<(u8, u64), (f64, f64)> = BTreeMap::new();
@@ -117,7 +117,7 @@ fn residuals_about_mounts(report: &Report<'_>) -> Vec<Residual> {
         .readings
         .iter()
         .zip(&report.identification.residuals_g)
-        .map(|(r, residual)| (identification::position(r), *residual, r.sigma_v / k1))
+        .map(|(r, residual)| (statics::position(r), *residual, r.sigma_v / k1.abs()))
         .collect();
     for (position, residual, _) in &all {
         let slope = tangent(position);
@@ -151,7 +151,7 @@ pub(super) fn residuals(report: &Report<'_>) -> Figure {
         .iter()
         .flat_map(|r| [r.residual_g, 2.0 * r.sigma_g, -2.0 * r.sigma_g]);
     let range = span(values.map(|value| 1e6 * value));
-    let bench = identification::bench(&report.campaign.config.bench);
+    let bench = statics::bench(&report.campaign.config.bench);
     let mut mounts: Vec<f64> = all.iter().map(|r| r.position.mount_deg).collect();
     mounts.sort_by(f64::total_cmp);
     mounts.dedup();

@@ -3,6 +3,7 @@
 //! [`Report`] holds all that was computed, once; [`text`] and the page only show it.
 
 mod diagnosis;
+mod diagnosis_text;
 mod figures;
 mod outlook;
 mod page;
@@ -18,15 +19,16 @@ use shared::model::NOMINAL;
 
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{Identification, Method, fit, identify};
 use crate::output::{write_file, write_json};
 use crate::prediction::{Prediction, predict};
+use crate::statics::{Identification, Method, fit, identify};
 
 pub use diagnosis::page as diagnosis_page;
+pub use diagnosis_text::text as diagnosis_text;
 pub use outlook::{Direction, Outlook, PlanSigma};
 pub use remarks::{Remark, Severity};
 
-/// Symbols of the coefficients in plain text, in the order of [`crate::identification::NAMES`].
+/// Symbols of the coefficients in plain text, in the order of [`crate::statics::NAMES`].
 const SYMBOLS: [&str; NOMINAL] = [
     "K1",
     "k0",
@@ -116,7 +118,7 @@ pub fn write<'c>(campaign: &'c Campaign, out: &Path) -> Result<Report<'c>, Error
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identification::NAMES;
+    use crate::statics::NAMES;
 
     #[test]
     fn powers_of_ten_are_raised() {

@@ -9,10 +9,9 @@ use shared::vibration::Random;
 
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::identification::{self, Identification};
-use crate::planning::{Conditions, Environment, assess, twice_and_remounted};
 use crate::prediction::DEFAULT_PRIOR_SIGMA;
 use crate::quantity::Quantity;
+use crate::statics::{self, Conditions, Environment, Identification, assess, twice_and_remounted};
 
 /// Derivatives of the vibration error in a white noise of `rms_g` along IA, a0 = 0, by the coefficients.
 pub(super) fn white_noise(rms_g: f64) -> Sensitivity<f64> {
@@ -31,7 +30,7 @@ pub(super) fn vre_g(fit: &Fit<f64>, rms_g: f64) -> Quantity {
 pub struct Direction {
     /// Whether no reading sees it at all.
     pub blind: bool,
-    /// Unit vector, in the order of [`identification::NAMES`].
+    /// Unit vector, in the order of [`statics::NAMES`].
     pub components: [f64; NOMINAL],
     /// Standard uncertainty along it, by the prior if blind; each coefficient in its own unit.
     pub sigma: f64,
@@ -53,7 +52,7 @@ impl Direction {
         let blind: Vec<[f64; NOMINAL]> = found
             .blind_directions
             .iter()
-            .map(|d| identification::NAMES.map(|name| d.get(name).copied().unwrap_or(0.0)))
+            .map(|d| statics::NAMES.map(|name| d.get(name).copied().unwrap_or(0.0)))
             .collect();
         let (components, sigma) = if let Some(first) = blind.first() {
             let seen: Vec<f64> = blind.iter().map(|d| dot(d, &by)).collect();
@@ -141,11 +140,7 @@ impl Outlook {
             .map(|k| 0.1 * (highest_g / 0.1).powf(share(k)))
             .collect();
         let judge = Judge::new(campaign, fit, &rms_g);
-        let plan: Vec<Position> = campaign
-            .readings
-            .iter()
-            .map(identification::position)
-            .collect();
+        let plan: Vec<Position> = campaign.readings.iter().map(statics::position).collect();
         let taken = judge.plan("as taken", &plan)?;
         let one_mount = plan.iter().all(|p| p.mount_deg == plan[0].mount_deg);
         let mut others = Vec::new();
@@ -214,10 +209,10 @@ impl Judge {
         };
         Self {
             conditions: Conditions {
-                bench: identification::bench(&campaign.config.bench),
+                bench: statics::bench(&campaign.config.bench),
                 noise_g: readings.iter().map(|r| r.sigma_v).sum::<f64>()
                     / readings.len() as f64
-                    / k1,
+                    / k1.abs(),
                 prior_sigma: DEFAULT_PRIOR_SIGMA,
             },
             environments: rms_g.iter().map(environment).collect(),

@@ -7,8 +7,8 @@ use super::figures::{self, Figure};
 use super::remarks::{self, Severity};
 use super::{Report, scientific, text};
 use crate::error::Error;
-use crate::identification::MEANINGS;
 use crate::quantity::Quantity;
+use crate::statics::MEANINGS;
 
 pub(super) const STYLE: &str = "
 :root { color-scheme: light; }

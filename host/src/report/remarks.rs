@@ -3,7 +3,7 @@
 use shared::model::NOMINAL;
 
 use super::{Report, SYMBOLS, outlook, scientific};
-use crate::finite_record::unseen_variance_g2;
+use crate::forward::finite_record::unseen_variance_g2;
 
 /// How grave a remark is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -41,7 +41,7 @@ pub(super) fn gaps(report: &Report<'_>) -> Vec<Gap> {
     runs.filter_map(|(run, predicted)| {
         let (measured, sigma) = predicted.measured_vre_g?.known()?;
         let (from_static, static_sigma) = predicted.vre_g.known()?;
-        let unseen = unseen_variance_g2(run, &report.fit.coefficients);
+        let unseen = unseen_variance_g2(&run.into(), &report.fit.coefficients);
         let refit = predicted.refit_vre_g.and_then(|refit| refit.value);
         Some(Gap {
             run: run.run,

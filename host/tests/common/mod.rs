@@ -1,7 +1,7 @@
 //! A small valid campaign to start from.
 
 use host::campaign::{
-    Acquisition, Approach, Bench, Campaign, CampaignConfig, Extremes, Instrument, Measured,
+    Acquisition, Approach, Bench, Campaign, CampaignConfig, Drift, Extremes, Instrument, Measured,
     Reading, ReferenceMoments, Run, Series, Shaker, VibrationKind,
 };
 use shared::model::{Coefficients, SpecificForce};
@@ -30,14 +30,24 @@ pub fn campaign() -> Campaign {
             level_sigma_arcsec: 5.8,
             local_gravity_g: 1.0,
             reference_temp_c: 22.0,
+            session_bias_sigma_g: None,
+            session_alignment_sigma_arcsec: None,
+            session_gain_rel_sigma: None,
             unknown: unknown(),
         },
         Acquisition {
             sample_rate_hz: 400.0,
+            divider: None,
+            gain: None,
+            sigma_dof: None,
             unknown: unknown(),
         },
         Some(Shaker {
             reference_rms_rel_sigma: 2e-4,
+            reference_cross_sensitivity: None,
+            reference_noise_g: None,
+            reference_gain_rel_sigma: None,
+            peak_gain_rel_sigma: None,
             unknown: unknown(),
         }),
     );
@@ -73,6 +83,8 @@ fn readings() -> Vec<Reading> {
                 temp_c: 22.5,
                 output_v: coefficients().output_v(force),
                 sigma_v: 2e-6,
+                session: None,
+                exclude: false,
                 unknown: Vec::new(),
             });
         }
@@ -83,16 +95,22 @@ fn readings() -> Vec<Reading> {
 fn run(run: u64, kind: VibrationKind, band_hz: [f64; 2], made: bool) -> Run {
     let specific_force_g = SpecificForce::new(0.0, 0.0, 1.0);
     let before_v = coefficients().output_v(specific_force_g);
+    let rms_g = match kind {
+        VibrationKind::Sine => 3.0 * std::f64::consts::FRAC_1_SQRT_2,
+        VibrationKind::Random => 3.0,
+    };
     let measured = Measured {
         before_v,
         during_v: before_v + 1e-4,
-        after_v: before_v,
+        after_v: Some(before_v),
         sigma_v: 2e-6,
-        drift_v_per_s: -6.4e-7,
-        drift_sigma_v_per_s: 5.7e-7,
+        drift: Some(Drift {
+            v_per_s: -6.4e-7,
+            sigma_v_per_s: 5.7e-7,
+        }),
         extremes: Some(Extremes {
-            minimum_v: before_v - 4.0,
-            maximum_v: before_v + 4.0,
+            minimum_v: before_v - 2.16,
+            maximum_v: before_v + 2.16,
         }),
     };
     Run {
@@ -107,11 +125,13 @@ fn run(run: u64, kind: VibrationKind, band_hz: [f64; 2], made: bool) -> Run {
         duration_s: 8.0,
         measured: made.then_some(measured),
         reference: Some(ReferenceMoments {
-            rms_g: [1.5, 1.5, 0.0],
+            rms_g: [0.6 * rms_g, 0.8 * rms_g, 0.0],
             skewness: [0.0; 3],
             kurtosis: [1.5, 1.5, 0.0],
             correlation: Some([1.0, 0.0, 0.0]),
         }),
+        session: None,
+        exclude: false,
         unknown: Vec::new(),
     }
 }

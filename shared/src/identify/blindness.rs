@@ -1,8 +1,11 @@
-//! What a plan cannot tell: rank, condition number and blind directions of its design matrix.
+//! What a static test cannot tell: rank, condition number and blind directions.
 //!
-//! The design matrix has a row of [`terms`] for each position. It is absorbed into a triangular factor, whose
-//! singular values are those of the matrix; they come from one-sided Jacobi rotations (Hestenes 1958), which find
-//! small singular values to high relative accuracy.
+//! Twice. [`Design`] judges the positions alone: its matrix has a row of [`terms`] for each. [`Visibility::of_readings`]
+//! judges what the readings of a test add to what is known beforehand: a direction in which they hardly narrow the
+//! standard deviations stated before the first reading is blind, however it came about, be it by angles that nearly
+//! coincide, by the dial's errors or by noise.
+//!
+//! Singular values come from one-sided Jacobi rotations (Hestenes 1958), which find small ones to high relative accuracy.
 
 use crate::identify::square_root::{TriangularFactor, storage_len};
 use crate::model::{NOMINAL, SpecificForce, terms};
@@ -15,31 +18,108 @@ pub struct Design<T> {
     positions: usize,
 }
 
-/// What a design matrix determines.
+/// From this condition number on positions are of deficient rank, in `f64`: rounding of 2e-16 then comes back as 2e-4 of
+/// the largest coefficient.
+pub const DEFICIENT_CONDITION: f64 = 1e12;
+
+/// Standard deviations about zero of an instrument's coefficients before the first reading, in the order of
+/// [`Coefficients::to_nominal`](crate::model::Coefficients::to_nominal); K1's is about the type's value, in terms of it.
+/// For the terms that rectify about the root mean square of the source paper's Table 1; bias and misalignments, which
+/// differ more and rectify nothing, as wide as any instrument of the kind.
+pub const BEFOREHAND: [f64; NOMINAL] = [
+    0.5, 0.02, 5e-4, 5e-4, 5e-4, 5e-4, 0.05, 0.05, 5e-4, 5e-4, 5e-4,
+];
+
+/// Least ratio of the standard deviation beforehand to that of the readings alone at which a direction is determined.
+/// Below it the readings narrow what was known by less than 5 %: 1 / sqrt(1 + 1/9) = 0.95.
+pub const LEAST_GAIN: f64 = 1.0 / 3.0;
+
+/// Component of a blind unit vector below which a coefficient does not take part in it, both as the vector stands and in
+/// units of the standard deviations beforehand. Chosen: a mount that is off by an angle tilts a blind direction by about
+/// as much, and none is off by 2 deg; and a coefficient that is known to 3 % of what was known beforehand is determined.
+/// What such a coefficient shares with the direction stays in its variance.
+pub const NEGLIGIBLE: f64 = 0.03;
+
+/// What a static test determines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visibility<T> {
-    /// Number of directions in coefficient space that the plan determines, 0 ..= 11.
+    /// Number of directions in coefficient space that are determined, 0 ..= 11.
     pub rank: usize,
-    /// Ratio of the largest to the smallest of the eleven singular values; beyond 1e12 (or infinite) for a plan of
-    /// deficient rank.
+    /// Ratio of the largest to the smallest of the eleven singular values of the positions' design matrix; beyond
+    /// [`DEFICIENT_CONDITION`] (or infinite) for positions of deficient rank.
     pub condition: T,
-    /// Orthonormal directions; those from `rank` on are blind. Components in the order of
-    /// [`Coefficients::to_nominal`](crate::model::Coefficients::to_nominal), the first for K1, the others
-    /// for K1 times the coefficient.
-    pub directions: [[T; NOMINAL]; NOMINAL],
+    /// Orthonormal blind directions in the rows from `rank` on.
+    blind: [[T; NOMINAL]; NOMINAL],
 }
 
 impl<T: Real> Visibility<T> {
-    /// The directions that no reading of the plan sees; the sign makes the largest component positive.
-    pub fn blind_directions(&self) -> &[[T; NOMINAL]] {
-        &self.directions[self.rank..]
+    /// Judges readings by their information: `triangle` is the upper triangular factor of whitened rows on K1 times
+    /// (1, coefficients), `scale_v_per_g` about K1, `beforehand` as [`BEFOREHAND`]. The `condition` is that of the
+    /// positions.
+    pub fn of_readings(
+        triangle: &[[T; NOMINAL]; NOMINAL],
+        scale_v_per_g: T,
+        beforehand: &[T; NOMINAL],
+        condition: T,
+    ) -> Self {
+        // In units of the standard deviations beforehand the singular values are the gains.
+        let unit = beforehand.map(|sigma| sigma * scale_v_per_g);
+        let scaled = triangle.map(|row| core::array::from_fn(|k| row[k] * unit[k]));
+        let (gains, directions) = singular_values(scaled);
+        let least = (gains[0] * T::epsilon() * T::lit(64.0)).max(T::lit(LEAST_GAIN));
+        let rank = gains.iter().filter(|gain| **gain >= least).count();
+        let mut blind = directions;
+        for direction in &mut blind[rank..] {
+            let negligible = T::lit(NEGLIGIBLE);
+            let length = (0..NOMINAL)
+                .fold(T::zero(), |sum, k| sum + (direction[k] * unit[k]).powi(2))
+                .sqrt();
+            *direction = core::array::from_fn(|k| {
+                let component = direction[k] * unit[k];
+                let takes_part =
+                    direction[k].abs() >= negligible && component.abs() >= negligible * length;
+                if takes_part { component } else { T::zero() }
+            });
+        }
+        orthonormalise(&mut blind[rank..]);
+        Self {
+            rank,
+            condition,
+            blind,
+        }
     }
 
-    /// Whether the plan determines the coefficient of this index.
+    /// The directions that are blind, as unit vectors with the largest component positive. Components in the order of
+    /// [`Coefficients::to_nominal`](crate::model::Coefficients::to_nominal), the first for K1, the others for K1 times
+    /// the coefficient.
+    pub fn blind_directions(&self) -> &[[T; NOMINAL]] {
+        &self.blind[self.rank..]
+    }
+
+    /// Whether the coefficient of this index is determined.
     pub fn determines(&self, coefficient: usize) -> bool {
         self.blind_directions()
             .iter()
-            .all(|d| d[coefficient].abs() < T::lit(1e-6))
+            .all(|d| d[coefficient].abs() < T::lit(NEGLIGIBLE))
+    }
+}
+
+/// Gram-Schmidt, twice over for the sake of rounding.
+fn orthonormalise<T: Real>(vectors: &mut [[T; NOMINAL]]) {
+    for k in 0..vectors.len() {
+        let (before, rest) = vectors.split_at_mut(k);
+        let vector = &mut rest[0];
+        for _ in 0..2 {
+            for other in before.iter() {
+                let along = dot(vector, other);
+                for (x, o) in vector.iter_mut().zip(other) {
+                    *x -= along * *o;
+                }
+            }
+            let length = dot(vector, vector).sqrt();
+            *vector = vector.map(|x| x / length);
+        }
+        *vector = largest_component_positive(*vector);
     }
 }
 
@@ -71,13 +151,14 @@ impl<T: Real> Design<T> {
     /// Rank, condition and directions of all positions so far.
     pub fn visibility(&self) -> Visibility<T> {
         let (triangle, _) = self.factor.trailing::<NOMINAL>();
-        let (values, directions) = singular_values(triangle);
+        let (values, blind) = singular_values(triangle);
         // Rounding leaves a blind direction some eps sqrt(positions) of the largest value.
-        let tolerance = values[0] * T::epsilon() * T::from_i64(64 + self.positions as i64);
+        let rounding = T::epsilon() * T::from_i64(64 + self.positions as i64);
+        let tolerance = values[0] * rounding.max(T::lit(DEFICIENT_CONDITION.recip()));
         Visibility {
             rank: values.iter().filter(|v| **v > tolerance).count(),
             condition: values[0] / values[NOMINAL - 1],
-            directions,
+            blind,
         }
     }
 }
@@ -213,6 +294,19 @@ mod tests {
             "condition {}",
             seen.condition
         );
+    }
+
+    #[test]
+    fn positions_that_nearly_coincide_are_of_deficient_rank() {
+        for (spread_deg, rank) in [(1e-3, NOMINAL), (1e-13, 10)] {
+            let plan = paper_plan().enumerate().map(|(k, p)| Position {
+                dial_deg: p.dial_deg + spread_deg * (k % 5) as f64,
+                ..p
+            });
+            let seen = visibility(plan);
+            assert_eq!(seen.rank, rank, "condition {}", seen.condition);
+            assert_eq!(seen.condition > DEFICIENT_CONDITION, rank < NOMINAL);
+        }
     }
 
     #[test]

@@ -40,6 +40,11 @@ pub enum FactorError {
         /// Index of the unknown.
         unknown: usize,
     },
+    /// Rounding has left this unknown no positive variance.
+    NoVariance {
+        /// Index of the unknown.
+        unknown: usize,
+    },
 }
 
 impl core::fmt::Display for FactorError {
@@ -52,6 +57,9 @@ impl core::fmt::Display for FactorError {
                 )
             }
             Self::Undetermined { unknown } => write!(f, "unknown {unknown} is not determined"),
+            Self::NoVariance { unknown } => {
+                write!(f, "rounding leaves unknown {unknown} no positive variance")
+            }
         }
     }
 }

@@ -16,7 +16,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::identify::blindness::{Design, Visibility};
+use crate::identify::blindness::{BEFOREHAND, Design, Visibility};
 use crate::identify::square_root::{FactorError, TriangularFactor, storage_len};
 use crate::model::{Coefficients, NOMINAL, SpecificForce, terms};
 use crate::scalar::Real;
@@ -259,67 +259,94 @@ impl<'a, T: Real> StaticTest<'a, T> {
     /// Solves for the coefficients.
     ///
     /// `prior_sigma` states a standard deviation, about zero, for the coefficients in the order of
-    /// [`Coefficients::to_nominal`] (the first, for K1, is not used), `None` for no prior.
+    /// [`Coefficients::to_nominal`] (the first, for K1, is not used), `None` for no prior. What is blind is judged beside
+    /// it, or beside [`BEFOREHAND`].
     ///
     /// # Errors
-    /// [`FactorError::Undetermined`] if the readings do not determine the scale factor, or none have come.
+    /// [`FactorError::Undetermined`] if the readings do not determine the scale factor, or none have come;
+    /// [`FactorError::NoVariance`] where rounding has eaten the answer.
     pub fn solve(&self, prior_sigma: Option<&[T; NOMINAL]>) -> Result<Fit<T>, FactorError> {
-        let visibility = self.design.visibility();
+        let beforehand = BEFOREHAND.map(T::lit);
+        self.solve_beside(prior_sigma.unwrap_or(&beforehand), prior_sigma.is_some())
+    }
+
+    /// As [`Self::solve`]: what is blind is judged beside these standard deviations, which act as a prior only if
+    /// `is_prior`.
+    ///
+    /// # Errors
+    /// Those of [`Self::solve`].
+    pub fn solve_beside(
+        &self,
+        beforehand: &[T; NOMINAL],
+        is_prior: bool,
+    ) -> Result<Fit<T>, FactorError> {
+        let mut beforehand = *beforehand;
+        beforehand[0] = T::lit(BEFOREHAND[0]);
+        let k1 = self.about.scale_factor_v_per_g;
         let (triangle, rhs) = self.common.trailing::<NOMINAL>();
-        let mut storage = [T::zero(); storage_len(NOMINAL)];
-        let mut factor = TriangularFactor::new(NOMINAL, &mut storage[..])?;
+        let condition = self.design.visibility().condition;
+        let visibility = Visibility::of_readings(&triangle, k1, &beforehand, condition);
+        let mut factor = TriangularFactor::new(NOMINAL, [T::zero(); storage_len(NOMINAL)])?;
         let mut row = [T::zero(); NOMINAL + 1];
         for (r, z) in triangle.iter().zip(rhs) {
             row[..NOMINAL].copy_from_slice(r);
             row[NOMINAL] = z;
             factor.absorb(&mut row);
         }
-        let k1 = self.about.scale_factor_v_per_g;
-        let mut blind_weight = T::zero();
-        if let Some(sigma) = prior_sigma {
-            for k in 1..NOMINAL {
-                row.fill(T::zero());
-                row[k] = (sigma[k] * k1).recip();
-                factor.absorb(&mut row);
-            }
-        } else if visibility.rank < NOMINAL {
-            // A blind direction meets no reading: fixing its component at zero changes nothing else, whatever
-            // the weight. Of all solutions this takes the one of least norm.
-            blind_weight = (0..NOMINAL).fold(T::zero(), |m, k| m.max(triangle[k][k].abs()));
-            for direction in visibility.blind_directions() {
-                row[..NOMINAL].copy_from_slice(direction);
-                row.iter_mut().for_each(|r| *r *= blind_weight);
-                row[NOMINAL] = T::zero();
-                factor.absorb(&mut row);
-            }
+        // Along blind directions what is known beforehand takes the place of readings. Where no reading at all sees one,
+        // this changes nothing else: of all solutions it takes the one of least norm.
+        let mut held = factor.clone();
+        for direction in visibility.blind_directions() {
+            let weight = direction
+                .iter()
+                .zip(&beforehand)
+                .fold(T::zero(), |sum, (d, sigma)| sum + (*d / *sigma).powi(2));
+            let weight = weight.sqrt() / k1;
+            row[..NOMINAL].copy_from_slice(&direction.map(|d| d * weight));
+            row[NOMINAL] = T::zero();
+            held.absorb(&mut row);
         }
+        let chi2 = self.common.residual_squares() + held.residual_squares();
         // Everything is divided by K1: where the readings leave it to rounding there is no answer.
-        let sees_scale = match prior_sigma {
-            None => visibility.determines(0),
-            Some(_) => self.design.sees_input_axis(),
+        let sees_scale = if is_prior {
+            self.design.sees_input_axis()
+        } else {
+            visibility.determines(0)
         };
         if !sees_scale {
             return Err(FactorError::Undetermined { unknown: 0 });
         }
+        if is_prior {
+            for k in 1..NOMINAL {
+                row.fill(T::zero());
+                row[k] = (beforehand[k] * k1).recip();
+                factor.absorb(&mut row);
+            }
+        } else {
+            factor = held;
+        }
         let mut x = [T::zero(); NOMINAL];
         factor.solve(0, &mut x)?;
-        let mut covariance = inverse_square(&factor.trailing::<NOMINAL>().0);
-        if blind_weight > T::zero() {
-            let variance = (blind_weight * blind_weight).recip();
-            for d in visibility.blind_directions() {
-                for (row, di) in covariance.iter_mut().zip(d) {
-                    for (c, dj) in row.iter_mut().zip(d) {
-                        *c -= variance * *di * *dj;
-                    }
-                }
+        let covariance = inverse_square(&factor.trailing::<NOMINAL>().0);
+        let (coefficients, mut covariance) = divide_by_scale_factor(&x, &covariance);
+        if !is_prior {
+            for direction in visibility.blind_directions() {
+                leave_out(&mut covariance, direction);
             }
         }
-        let (coefficients, covariance) = divide_by_scale_factor(&x, &covariance);
+        let doubtful = |k: &usize| {
+            let known = is_prior || visibility.determines(*k);
+            // NaN is no variance either.
+            known && !(covariance[*k][*k] > T::zero() && covariance[*k][*k].is_finite())
+        };
+        if let Some(unknown) = (0..NOMINAL).find(doubtful) {
+            return Err(FactorError::NoVariance { unknown });
+        }
         Ok(Fit {
             coefficients,
             covariance,
             visibility,
-            chi2: self.common.residual_squares(),
+            chi2,
             readings: self.readings,
         })
     }
@@ -413,7 +440,8 @@ impl<'a, T: Real> StaticTest<'a, T> {
         mount_deg: f64,
         estimate_rad: T,
     ) -> Result<usize, StaticTestError> {
-        let (number, mount) = (T::from_i64(i64::from(u8::from(series))), T::lit(mount_deg));
+        let number = T::from_i64(i64::from(u8::from(series)));
+        let mount = T::lit(within_a_turn(mount_deg));
         let known = self
             .mount_keys
             .as_chunks::<MOUNT_KEY>()
@@ -461,18 +489,18 @@ pub struct Fit<T> {
     /// The coefficients; of those that the plan does not determine the combination of least norm, unless a prior was
     /// given.
     pub coefficients: Coefficients<T>,
-    /// Covariance in the order of [`Coefficients::to_nominal`]; zero along blind directions.
+    /// Covariance in the order of [`Coefficients::to_nominal`]; without a prior zero along blind directions.
     pub covariance: [[T; NOMINAL]; NOMINAL],
-    /// Rank, condition and blind directions of the positions.
+    /// What the readings determine beside what was known beforehand.
     pub visibility: Visibility<T>,
-    /// Sum of the squared whitened residuals, random effects included.
+    /// Sum of the squared whitened residuals, random effects included, with what was known beforehand along blind directions.
     pub chi2: T,
     /// Number of readings.
     pub readings: usize,
 }
 
 impl<T: Real> Fit<T> {
-    /// Degrees of freedom: readings less the rank of the plan.
+    /// Degrees of freedom: readings less the rank.
     pub fn degrees_of_freedom(&self) -> usize {
         self.readings.saturating_sub(self.visibility.rank)
     }
@@ -484,6 +512,18 @@ fn scaled<T: Real>(a: SpecificForce<T>, factor: T) -> SpecificForce<T> {
 
 fn inner<T: Real>(x: SpecificForce<T>, y: SpecificForce<T>) -> T {
     x.i * y.i + x.p * y.p + x.o * y.o
+}
+
+/// P C P with the projection P = 1 - d d^T: the covariance C without its part along the unit vector d.
+fn leave_out<T: Real>(c: &mut [[T; NOMINAL]; NOMINAL], d: &[T; NOMINAL]) {
+    let dot = |x: &[T; NOMINAL]| x.iter().zip(d).fold(T::zero(), |s, (x, d)| s + *x * *d);
+    let along: [T; NOMINAL] = core::array::from_fn(|k| dot(&c[k]));
+    let both = dot(&along);
+    for i in 0..NOMINAL {
+        for j in 0..NOMINAL {
+            c[i][j] += both * d[i] * d[j] - along[i] * d[j] - d[i] * along[j];
+        }
+    }
 }
 
 /// (R^T R)^-1 of an upper triangle of full rank.

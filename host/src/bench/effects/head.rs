@@ -1,7 +1,8 @@
 //! The dividing head and its base.
 
+use shared::tumble::ARCSEC_RAD;
+
 use super::{Effect, Entry};
-use crate::bench::dial::ARCSEC_RAD;
 use crate::bench::plan::Dwell;
 use crate::campaign::{Approach, Series};
 

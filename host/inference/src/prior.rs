@@ -1,0 +1,116 @@
+//! What is known of a parameter before anything is observed.
+
+/// A parameter of a component.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// Name with its unit at the end.
+    pub name: &'static str,
+    /// How it enters, and what is known of it.
+    pub prior: Prior,
+}
+
+/// How a parameter enters, and what is known of it beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Prior {
+    /// In proportion: a Cauchy distribution about zero.
+    Linear {
+        /// Its half width at half height.
+        width: f64,
+    },
+    /// Smoothly: evenly probable over the range. Started from a grid and refined.
+    Nonlinear {
+        /// Least value.
+        from: f64,
+        /// Greatest value.
+        to: f64,
+        /// Points of the grid.
+        points: usize,
+        /// Whether the range is one of the logarithm.
+        logarithmic: bool,
+    },
+    /// By steps: a threshold, evenly probable over the range. Started from a grid, then put between two steps.
+    Threshold {
+        /// Least value.
+        from: f64,
+        /// Greatest value.
+        to: f64,
+        /// Points of the grid.
+        points: usize,
+    },
+}
+
+impl Prior {
+    /// A value on the scale that the parameter is refined on.
+    pub(crate) fn inner(self, value: f64) -> f64 {
+        match self {
+            Self::Nonlinear {
+                logarithmic: true, ..
+            } => value.ln(),
+            _ => value,
+        }
+    }
+
+    /// The value behind a place on that scale.
+    pub(crate) fn outer(self, inner: f64) -> f64 {
+        match self {
+            Self::Nonlinear {
+                logarithmic: true, ..
+            } => inner.exp(),
+            _ => inner,
+        }
+    }
+
+    /// Derivative of the value by its place on that scale.
+    pub fn slope(self, value: f64) -> f64 {
+        match self {
+            Self::Nonlinear {
+                logarithmic: true, ..
+            } => value,
+            _ => 1.0,
+        }
+    }
+
+    /// Ends of the range on that scale; none in proportion.
+    pub fn range(self) -> Option<(f64, f64)> {
+        match self {
+            Self::Linear { .. } => None,
+            Self::Nonlinear { from, to, .. } => Some((self.inner(from), self.inner(to))),
+            Self::Threshold { from, to, .. } => Some((from, to)),
+        }
+    }
+
+    /// So many values, the middles of equal parts of the range; none in proportion.
+    pub fn settings(self, points: usize) -> Vec<f64> {
+        let Some((from, to)) = self.range() else {
+            return Vec::new();
+        };
+        let step = (to - from) / points as f64;
+        let at = |k: usize| self.outer(from + (k as f64 + 0.5) * step);
+        (0..points).map(at).collect()
+    }
+
+    /// Values that a search starts from; 1 in proportion.
+    fn starts(self) -> Vec<f64> {
+        match self {
+            Self::Linear { .. } => vec![1.0],
+            Self::Nonlinear { points, .. } | Self::Threshold { points, .. } => {
+                self.settings(points)
+            }
+        }
+    }
+}
+
+/// Every combination of the parameters' starts.
+pub fn grid(parameters: &[Parameter]) -> Vec<Vec<f64>> {
+    let mut all = vec![Vec::new()];
+    for parameter in parameters {
+        let starts = parameter.prior.starts();
+        let with = |values: &Vec<f64>| {
+            let values = values.clone();
+            let longer = move |&start: &f64| [&values[..], &[start]].concat();
+            starts.iter().map(longer).collect::<Vec<_>>()
+        };
+        all = all.iter().flat_map(with).collect();
+    }
+    all
+}

@@ -1,0 +1,268 @@
+//! Which rows belong, and how far the stated noise holds, by what a fit leaves.
+
+use inference::adequacy::leverages;
+use inference::fit::{Fit, fit_base};
+use inference::model::SeparableModel;
+use inference::observations::Column;
+use inference::outlier::distances;
+
+use super::CampaignModel;
+use super::assumptions::{Assumptions, Noise};
+use super::reference::Reference;
+use crate::campaign::{Campaign, Run};
+use crate::forward::contribution::Observable;
+use crate::median::MEDIAN_TO_SIGMA;
+
+/// Distance in standard deviations from which on a row does not belong: by chance one of 1e9.
+const GROSS: f64 = 6.0;
+/// Distance up to which a row that was set aside belongs after all.
+const STILL_GROSS: f64 = 5.0;
+/// Plateaus of a run.
+const PLATEAUS: [Observable; 3] = [Observable::Before, Observable::During, Observable::After];
+/// Most rows of a table that are set aside, as a share and at least.
+const MOST_SHARE: f64 = 0.05;
+const MOST: usize = 3;
+/// Robust standard deviation of the logarithm of a scale by the median of n moduli, times sqrt n.
+const SPREAD_OF_MEDIAN: f64 = 1.16;
+/// Its standard deviations at which a factor on the noise is called one.
+const CLEAR: f64 = 4.0;
+/// Factor up to which numbers were computed, not measured: no noise is stated so much too large.
+const COMPUTED: f64 = 0.05;
+/// Fewest rows that tell a factor.
+const FEWEST: usize = 8;
+
+/// A row that does not belong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Suspect {
+    /// Whether it is a reading, or a run.
+    pub reading: bool,
+    /// Its place in the campaign.
+    pub place: usize,
+    /// In standard deviations, from what all other rows say of it.
+    pub distance: f64,
+}
+
+/// What is assumed of a campaign before it is searched: runs that contradict themselves are set aside, and the table follows
+/// its command or the reference, whichever the nominal model bears out. `None` if it determines nothing.
+pub fn beforehand(campaign: &Campaign) -> Option<Assumptions> {
+    let command = Assumptions::of(campaign);
+    let runs: Vec<&Run> = campaign.runs.iter().collect();
+    if Reference::of(campaign, &runs).is_none_or(|reference| reference.table_scatter == 0.0) {
+        return Some(command);
+    }
+    let reference = Assumptions {
+        table_scatters: true,
+        ..command.clone()
+    };
+    let misfit = |assumptions: &Assumptions| {
+        let model = CampaignModel::assuming(campaign, &[], &[], assumptions);
+        let fit = fit_base(&model)?;
+        // The reference's own rows differ in their weights: what the instrument says decides.
+        let during = model.rows(Observable::During);
+        Some(fit.residuals[during].iter().map(|z| z * z).sum::<f64>())
+    };
+    let better = misfit(&reference)? < misfit(&command)?;
+    Some(if better { reference } else { command })
+}
+
+/// What a fit says of the assumptions that it was made under: noise and rows judged by it. `flexible` lets smooth functions
+/// of the conditions take what the fit leaves.
+pub fn judge(
+    campaign: &Campaign,
+    model: &CampaignModel,
+    fit: &Fit,
+    flexible: bool,
+    under: &Assumptions,
+) -> Assumptions {
+    let mut further: Vec<Column> = Vec::new();
+    if flexible {
+        further.extend(model.smooth_families().into_iter().flatten());
+    }
+    let mut judged = Assumptions {
+        table_scatters: under.table_scatters,
+        ..Assumptions::without(under.contradictory_runs.clone())
+    };
+    for suspect in suspects(campaign, model, fit, under) {
+        if suspect.distance.abs() > STILL_GROSS {
+            judged.set_aside(suspect.reading, suspect.place);
+        }
+    }
+    // One row at a time: a bad one makes its neighbours look bad.
+    loop {
+        let distances = distances(model, fit, &further);
+        for noise in Noise::ALL {
+            let seen = rows(model, noise)
+                .into_iter()
+                .map(|row| distances[row].abs());
+            let seen: Vec<f64> = seen.filter(|z| *z > 0.0).collect();
+            judged.noise_factor[noise as usize] = factor(seen, under.factor(noise));
+        }
+        let Some((reading, place)) = farthest(campaign, model, &distances, under, &judged) else {
+            return judged;
+        };
+        judged.set_aside(reading, place);
+        further.extend(shifts(model, reading, place));
+    }
+}
+
+/// The row that lies farthest from what the others say of it, if it does not belong and may still be set aside: whether it
+/// is a reading, and its place.
+fn farthest(
+    campaign: &Campaign,
+    model: &CampaignModel,
+    distances: &[f64],
+    under: &Assumptions,
+    judged: &Assumptions,
+) -> Option<(bool, usize)> {
+    let relative = |noise: Noise| judged.factor(noise) / under.factor(noise);
+    let first = model.rows(Observable::Static).start;
+    let readings = (0..campaign.readings.len())
+        .filter(|place| !judged.excluded_readings.contains(place))
+        .map(|place| {
+            let distance = (distances[first + place] / relative(Noise::Readings)).abs();
+            (distance, (true, place))
+        });
+    let runs = (0..campaign.runs.len())
+        .filter(|place| !judged.excluded_runs.contains(place))
+        .map(|place| {
+            let row = model.row_of_run(place);
+            let at = |o: Observable| distances[model.rows(o).start + row].abs();
+            let plateau = PLATEAUS.map(at).into_iter().fold(0.0, f64::max);
+            let drift = at(Observable::Drift) / relative(Noise::Drift);
+            (
+                (plateau / relative(Noise::Plateaus)).max(drift),
+                (false, place),
+            )
+        });
+    let full = |set_aside: usize, count: usize| {
+        set_aside >= ((MOST_SHARE * count as f64) as usize).max(MOST)
+    };
+    let (distance, row) = readings.chain(runs).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let full = match row.0 {
+        true => full(judged.excluded_readings.len(), campaign.readings.len()),
+        false => full(judged.excluded_runs.len(), campaign.runs.len()),
+    };
+    (distance > GROSS && !full).then_some(row)
+}
+
+/// Columns of shifts of free size in a reading, or in every plateau and the drift of a run.
+fn shifts(model: &CampaignModel, reading: bool, place: usize) -> Vec<Column> {
+    let observations = model.observations();
+    let unit = |observable: Observable, row: usize| {
+        let mut column = Column::zero(observations.len());
+        column.add_at(model.rows(observable), row, 1.0);
+        observations.whiten(column)
+    };
+    if reading {
+        return vec![unit(Observable::Static, place)];
+    }
+    let row = model.row_of_run(place);
+    let observables = PLATEAUS.into_iter().chain([Observable::Drift]);
+    observables
+        .map(|observable| unit(observable, row))
+        .collect()
+}
+
+/// Rows that tell the noise of a kind: plateaus at rest, since those during runs hold the vibration error.
+fn rows(model: &CampaignModel, noise: Noise) -> Vec<usize> {
+    let observables: &[Observable] = match noise {
+        Noise::Readings => &[Observable::Static],
+        Noise::Plateaus => &[Observable::Before, Observable::After],
+        Noise::Drift => &[Observable::Drift],
+    };
+    let observations = model.observations();
+    let all = observables
+        .iter()
+        .flat_map(|o| observations.observed_rows(model.rows(*o)));
+    all.collect()
+}
+
+/// The factor on the stated noise by moduli of distances under the factor `under`; 1 where it is not clearly another.
+fn factor(mut moduli: Vec<f64>, under: f64) -> f64 {
+    let n = moduli.len();
+    if n < FEWEST {
+        return 1.0;
+    }
+    moduli.sort_by(f64::total_cmp);
+    let found = under * MEDIAN_TO_SIGMA * moduli[n / 2];
+    let clear = CLEAR * SPREAD_OF_MEDIAN / (n as f64).sqrt();
+    let told = found > COMPUTED && found.ln().abs() > clear;
+    if told { found } else { 1.0 }
+}
+
+/// Of each row that is set aside its distance from what the answer expects of it.
+pub fn suspects(
+    campaign: &Campaign,
+    model: &CampaignModel,
+    fit: &Fit,
+    assumptions: &Assumptions,
+) -> Vec<Suspect> {
+    if assumptions.excluded_readings.is_empty() && assumptions.excluded_runs.is_empty() {
+        return Vec::new();
+    }
+    // The same answer, held against all rows.
+    let all = Assumptions {
+        noise_factor: assumptions.noise_factor,
+        table_scatters: assumptions.table_scatters,
+        ..Assumptions::default()
+    };
+    let whole = CampaignModel::assuming(campaign, &[], model.effects(), &all);
+    let mut held = fit.clone();
+    held.residuals = residuals(&whole, fit);
+    let distances = distances(&whole, &held, &[]);
+    let readings = assumptions.excluded_readings.iter().map(|&place| Suspect {
+        reading: true,
+        place,
+        distance: distances[whole.rows(Observable::Static).start + place],
+    });
+    let runs = assumptions.excluded_runs.iter().map(|&place| {
+        let row = whole.row_of_run(place);
+        let at = |o: Observable| distances[whole.rows(o).start + row];
+        let four = [
+            Observable::During,
+            Observable::Before,
+            Observable::After,
+            Observable::Drift,
+        ];
+        let far = four
+            .map(at)
+            .into_iter()
+            .fold(0.0, |far: f64, z| if z.abs() > far.abs() { z } else { far });
+        Suspect {
+            reading: false,
+            place,
+            distance: far,
+        }
+    });
+    readings.chain(runs).collect()
+}
+
+/// Whitened residuals of all rows of a model under a fit that was made without some of them.
+fn residuals(model: &CampaignModel, fit: &Fit) -> Vec<f64> {
+    let (values, _) = model.prediction(&fit.members, &fit.base_values);
+    let observed = &model.observations().observed().values;
+    let mut residuals: Vec<f64> = observed.iter().zip(&values).map(|(y, f)| y - f).collect();
+    for (row, factor) in model.observations().uncertain().zip(&fit.precision_factor) {
+        residuals[row] *= factor.sqrt();
+    }
+    residuals
+}
+
+/// The factor on each kind of stated noise by what a fit leaves, with its relative standard uncertainty.
+pub fn noise(
+    model: &CampaignModel,
+    fit: &Fit,
+    assumptions: &Assumptions,
+) -> Vec<(Noise, f64, f64)> {
+    let leverages = leverages(model, fit);
+    let of = |noise: Noise| {
+        let rows = rows(model, noise);
+        let chi2: f64 = rows.iter().map(|&row| fit.residuals[row].powi(2)).sum();
+        let freedom: f64 = rows.iter().map(|&row| 1.0 - leverages[row]).sum();
+        (freedom >= FEWEST as f64).then(|| {
+            let found = assumptions.factor(noise) * (chi2 / freedom).sqrt();
+            (noise, found, (2.0 * freedom).sqrt().recip())
+        })
+    };
+    Noise::ALL.into_iter().filter_map(of).collect()
+}

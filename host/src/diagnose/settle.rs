@@ -1,0 +1,163 @@
+//! Which rows belong, and how far the stated noise holds: first by what a flexible model leaves, then by what the most
+//! probable hypothesis leaves, until the two agree.
+//!
+//! A gross error and an effect may stand in for one another: a narrow resonance looks like a few bad runs. So the search is
+//! made with all rows as well, and the two are compared by their evidence; each row that does not belong costs as much as an
+//! error of hand is improbable.
+
+use inference::fit::{Fit, fit_base};
+use inference::model::SeparableModel;
+use inference::search::{Search, SearchPolicy, search};
+
+use crate::campaign::Campaign;
+use crate::campaign_model::CampaignModel;
+use crate::campaign_model::assumptions::{Assumptions, Noise};
+use crate::campaign_model::judge::{Suspect, beforehand, judge, noise, suspects};
+use crate::effects::Effect;
+use crate::forward::contribution::Observable;
+
+/// Rows up to which an effect may have been found for them alone.
+const FEW_ROWS: usize = 3;
+/// Most rounds of search and judgement.
+const ROUNDS: usize = 3;
+/// Change of a factor's logarithm up to which two judgements agree.
+const AGREE: f64 = 0.1;
+/// Prior probability of an error of hand in a row, and the width of such errors in standard deviations (half, of a Cauchy
+/// distribution).
+const PRIOR_GROSS: f64 = 2e-3;
+const GROSS_WIDTH: f64 = 30.0;
+/// Standard deviation by which a reading that is set aside counts, over a usual one of a microg.
+const EXCLUDED_OVER_STATED: f64 = 1e9;
+
+/// A campaign's model under assumptions that agree with what was found.
+pub(super) struct Settled {
+    pub(super) model: CampaignModel,
+    pub(super) search: Search,
+    /// Rows that do not belong, with their distance in standard deviations.
+    pub(super) suspects: Vec<Suspect>,
+    /// Each kind of noise: the factor on its stated size by what the answer leaves, and its relative standard uncertainty.
+    pub(super) noise: Vec<(Noise, f64, f64)>,
+}
+
+/// Searches a campaign until assumptions and answer agree. `None` if it determines nothing.
+pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option<Settled> {
+    let stated = beforehand(campaign)?;
+    let mut best = attempt(campaign, effects, stated.clone())?;
+    let by_answer = judge(campaign, &best.model, best.fit(), false, &stated);
+    let agreed = agree(&by_answer, &stated);
+    if !agreed || !best.fit().members.is_empty() {
+        // Effects may have been found for a few bad rows, or bad rows hidden by effects that are none.
+        let plain = CampaignModel::assuming(campaign, &[], effects, &stated);
+        let flexible = judge(campaign, &plain, &fit_base(&plain)?, true, &stated);
+        let few = (1..=FEW_ROWS).contains(&flexible.rows());
+        if !agree(&flexible, &stated) && (few || !agreed) {
+            best = better(best, attempt(campaign, effects, flexible)?);
+        }
+    }
+    for _ in 0..ROUNDS {
+        let judged = judge(campaign, &best.model, best.fit(), false, &best.assumptions);
+        if agree(&judged, &best.assumptions) {
+            break;
+        }
+        let next = attempt(campaign, effects, judged)?;
+        // A row that belongs after all comes back, whatever that costs.
+        let fewer = next.assumptions.rows() < best.assumptions.rows();
+        if !fewer && next.weight() < best.weight() {
+            break;
+        }
+        best = next;
+    }
+    let Attempt {
+        model,
+        search,
+        assumptions,
+        ..
+    } = best;
+    let fit = &search.hypotheses[0].fit;
+    let suspects = suspects(campaign, &model, fit, &assumptions);
+    let noise = noise(&model, fit, &assumptions);
+    Some(Settled {
+        model,
+        search,
+        suspects,
+        noise,
+    })
+}
+
+/// A search under some assumptions.
+struct Attempt {
+    model: CampaignModel,
+    search: Search,
+    assumptions: Assumptions,
+    /// Logarithm of how much less probable the errors of the rows set aside are than small ones.
+    gross: f64,
+}
+
+fn attempt(
+    campaign: &Campaign,
+    effects: &[&'static Effect],
+    assumptions: Assumptions,
+) -> Option<Attempt> {
+    let mut model = CampaignModel::assuming(campaign, &[], effects, &assumptions);
+    let search = search(&mut model, &SearchPolicy::default())?;
+    let fit = &search.hypotheses[0].fit;
+    let far = |suspect: Suspect| (suspect.distance / GROSS_WIDTH).powi(2).ln_1p();
+    let gross = suspects(campaign, &model, fit, &assumptions)
+        .into_iter()
+        .map(far)
+        .sum();
+    Some(Attempt {
+        model,
+        search,
+        assumptions,
+        gross,
+    })
+}
+
+impl Attempt {
+    fn fit(&self) -> &Fit {
+        &self.search.hypotheses[0].fit
+    }
+
+    /// Logarithm of the posterior weight of what it found, rows that do not belong and factors on the noise included, up to
+    /// what all attempts share.
+    fn weight(&self) -> f64 {
+        let excluded = self.assumptions.rows();
+        // An error of a few tens of standard deviations under its own distribution, against a sound row's.
+        let cost = -PRIOR_GROSS.ln() + (GROSS_WIDTH * (std::f64::consts::PI / 2.0).sqrt()).ln();
+        let evidence = self.search.hypotheses[0].log_posterior_weight;
+        evidence - cost * excluded as f64 - self.gross - self.log_spread()
+    }
+
+    /// Sum of the logarithms of the standard deviations that the factors on the noise change.
+    fn log_spread(&self) -> f64 {
+        let assumptions = &self.assumptions;
+        let rows = |observables: &[Observable]| -> f64 {
+            let all = observables.iter().map(|o| self.model.rows(*o).len());
+            all.sum::<usize>() as f64
+        };
+        let plateaus = rows(&[Observable::Before, Observable::During, Observable::After]);
+        let drifts = rows(&[Observable::Drift]);
+        // A reading that is set aside counts with the noise that it was stated to have.
+        let set_aside = assumptions.excluded_readings.len() as f64 * EXCLUDED_OVER_STATED.ln();
+        self.model.observations().log_spread_of_correlated() - set_aside
+            + plateaus * assumptions.factor(Noise::Plateaus).ln()
+            + drifts * assumptions.factor(Noise::Drift).ln()
+    }
+}
+
+fn better(one: Attempt, other: Attempt) -> Attempt {
+    if other.weight() > one.weight() {
+        other
+    } else {
+        one
+    }
+}
+
+fn agree(one: &Assumptions, other: &Assumptions) -> bool {
+    let mut factors = one.noise_factor.iter().zip(&other.noise_factor);
+    let alike = |(a, b): (&f64, &f64)| (a / b).ln().abs() < AGREE;
+    one.excluded_readings == other.excluded_readings
+        && one.excluded_runs == other.excluded_runs
+        && factors.all(alike)
+}

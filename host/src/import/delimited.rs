@@ -1,0 +1,201 @@
+//! A comma-separated table of any maker: columns are found by name, rows are streamed.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use csv::ByteRecord;
+
+use crate::campaign::{RowLimited, read_error};
+use crate::error::{Error, Place, Problem};
+
+/// Beyond it a number is no temperature, C.
+const MAX_TEMPERATURE_C: f64 = 1e4;
+
+/// Names of the columns and their units.
+#[derive(Clone, Debug)]
+pub struct Columns {
+    /// Output of the instrument, one column an axis.
+    pub outputs: Vec<String>,
+    /// Time, and how many of its units make a second.
+    pub time: Option<(String, f64)>,
+    /// Temperature, C.
+    pub temperature: Option<String>,
+}
+
+/// An open table.
+pub struct Table<R> {
+    file: PathBuf,
+    reader: csv::Reader<RowLimited<R>>,
+    header: Vec<String>,
+    record: ByteRecord,
+    outputs: Vec<usize>,
+    time: Option<(usize, f64)>,
+    temperature: Option<usize>,
+    group: Option<usize>,
+}
+
+impl<R: Read> Table<R> {
+    /// Reads the header; `group` names the column that tells to which group a row belongs, `file` is for errors only.
+    ///
+    /// # Errors
+    /// A header that cannot be read or is empty; a column that is missing.
+    pub fn open(
+        file: &Path,
+        source: R,
+        columns: &Columns,
+        group: Option<&str>,
+    ) -> Result<Self, Error> {
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .from_reader(RowLimited::new(source));
+        let header: Vec<String> = reader
+            .headers()
+            .map_err(|error| read_error(file, &[], error))?
+            .iter()
+            .map(str::to_owned)
+            .collect();
+        if header.iter().all(String::is_empty) {
+            return Err(Error::input(file, Problem::EmptyFile));
+        }
+        let find = |name: &str| {
+            let missing = || Error::Input {
+                place: Place {
+                    column: Some(name.into()),
+                    ..Place::file(file)
+                },
+                problem: Problem::MissingColumn,
+            };
+            header
+                .iter()
+                .position(|column| column == name)
+                .ok_or_else(missing)
+        };
+        let outputs = columns.outputs.iter().map(|name| find(name));
+        let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
+        let time = match &columns.time {
+            Some((name, units)) => Some((find(name)?, *units)),
+            None => None,
+        };
+        let temperature = columns.temperature.as_deref().map(find).transpose()?;
+        let group = group.map(find).transpose()?;
+        Ok(Self {
+            file: file.into(),
+            reader,
+            record: ByteRecord::new(),
+            outputs,
+            time,
+            temperature,
+            group,
+            header,
+        })
+    }
+
+    /// The next row, or none after the last.
+    ///
+    /// # Errors
+    /// What the file system says; a row of another length than the header, or too long.
+    pub fn next_row(&mut self) -> Result<Option<Row<'_, R>>, Error> {
+        self.reader.get_mut().begin_row();
+        let more = self.reader.read_byte_record(&mut self.record);
+        let more = more.map_err(|error| read_error(&self.file, &self.header, error))?;
+        Ok(more.then_some(Row { table: self }))
+    }
+}
+
+/// One row of a table. A cell is read when it is asked for: what nobody needs may be anything.
+pub struct Row<'t, R> {
+    table: &'t Table<R>,
+}
+
+impl<R> Row<'_, R> {
+    /// Time, s; none without such a column.
+    ///
+    /// # Errors
+    /// The cell is not a finite number.
+    pub fn time_s(&self) -> Result<Option<f64>, Error> {
+        let seconds = |(index, units)| Ok(self.number(index)? / units);
+        self.table.time.map(seconds).transpose()
+    }
+
+    /// The group that the row belongs to; none without such a column.
+    ///
+    /// # Errors
+    /// The cell is empty or no text.
+    pub fn group(&self) -> Result<Option<&str>, Error> {
+        self.table.group.map(|index| self.text(index)).transpose()
+    }
+
+    /// Temperature, C; none without such a column.
+    ///
+    /// # Errors
+    /// The cell is not a finite number, or no temperature.
+    pub fn temperature_c(&self) -> Result<Option<f64>, Error> {
+        let Some(index) = self.table.temperature else {
+            return Ok(None);
+        };
+        let temperature = self.number(index)?;
+        if temperature.abs() > MAX_TEMPERATURE_C {
+            let problem = format!("{temperature:e} C is no temperature");
+            return Err(self.error(index, Problem::Other(problem)));
+        }
+        Ok(Some(temperature))
+    }
+
+    /// The output of an axis, in the order of [`Columns::outputs`], in the table's own unit.
+    ///
+    /// # Errors
+    /// The cell is not a finite number.
+    pub fn output(&self, axis: usize) -> Result<f64, Error> {
+        self.number(self.table.outputs[axis])
+    }
+
+    /// An error in the time of this row, or in the row as a whole without such a column.
+    pub fn time_error(&self, problem: Problem) -> Error {
+        match self.table.time {
+            Some((index, _)) => self.error(index, problem),
+            None => Error::Input {
+                place: self.place(None),
+                problem,
+            },
+        }
+    }
+
+    /// An error in the output of an axis.
+    pub fn output_error(&self, axis: usize, problem: Problem) -> Error {
+        self.error(self.table.outputs[axis], problem)
+    }
+
+    fn text(&self, index: usize) -> Result<&str, Error> {
+        let cell = self.table.record.get(index).unwrap_or_default();
+        match std::str::from_utf8(cell) {
+            Ok("") => Err(self.error(index, Problem::Empty)),
+            Ok(text) => Ok(text),
+            Err(_) => Err(self.error(index, Problem::NotUtf8)),
+        }
+    }
+
+    fn number(&self, index: usize) -> Result<f64, Error> {
+        let text = self.text(index)?;
+        match text.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(value),
+            Ok(_) => Err(self.error(index, Problem::NotFinite(text.into()))),
+            Err(_) => Err(self.error(index, Problem::NotANumber(text.into()))),
+        }
+    }
+
+    fn error(&self, index: usize, problem: Problem) -> Error {
+        let column = self.table.header.get(index).cloned();
+        Error::Input {
+            place: self.place(Some(column.unwrap_or_default())),
+            problem,
+        }
+    }
+
+    fn place(&self, column: Option<String>) -> Place {
+        Place {
+            file: self.table.file.clone(),
+            row: self.table.record.position().map(csv::Position::line),
+            column,
+        }
+    }
+}

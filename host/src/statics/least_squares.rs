@@ -1,0 +1,123 @@
+//! Weighted least squares on the static readings of a campaign.
+
+use std::collections::BTreeSet;
+
+use shared::identify::static_test::{
+    Bench, Fit, MountEstimate, Reading, StaticTest, StaticTestError, workspace_len,
+};
+use shared::model::{Coefficients, NOMINAL};
+use shared::tumble::{Position, Series, within_a_turn};
+
+use super::readings::{bench, position};
+use crate::campaign::Campaign;
+use crate::error::Error;
+
+/// Work space of a static test: room for the marks and mounts of a plan, on the heap.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    marks: usize,
+    mounts: usize,
+    numbers: Vec<f64>,
+}
+
+impl Workspace {
+    /// Room for these positions.
+    pub fn of(positions: impl IntoIterator<Item = Position>) -> Self {
+        let mut marks: BTreeSet<u64> = BTreeSet::new();
+        let mut mounts: BTreeSet<(Series, u64)> = BTreeSet::new();
+        for position in positions {
+            marks.insert(within_a_turn(position.dial_deg).to_bits());
+            mounts.insert((position.series, position.mount_deg.to_bits()));
+        }
+        let (marks, mounts) = (marks.len(), mounts.len());
+        Self {
+            marks,
+            mounts,
+            numbers: vec![0.0; workspace_len(marks, mounts)],
+        }
+    }
+
+    /// An empty test in this room, linearised about these coefficients.
+    ///
+    /// # Errors
+    /// Those of [`StaticTest::new`].
+    pub fn test(
+        &mut self,
+        bench: Bench<f64>,
+        about: Coefficients<f64>,
+    ) -> Result<StaticTest<'_, f64>, StaticTestError> {
+        StaticTest::new(bench, about, self.marks, self.mounts, &mut self.numbers)
+    }
+}
+
+/// Fits the nominal model to the static readings in two passes: about the type's nominal scale factor, then about what the
+/// first pass found.
+///
+/// `prior_sigma`: a standard deviation about zero for every coefficient but K1, each in its own unit.
+///
+/// # Errors
+/// Fewer readings than coefficients of the model; readings that do not determine the scale factor.
+pub fn fit(campaign: &Campaign, prior_sigma: Option<f64>) -> Result<Fit<f64>, Error> {
+    let count = campaign.readings.len();
+    if count < NOMINAL {
+        return Err(Error::Usage(format!(
+            "static.csv has {count} readings, the model {NOMINAL} coefficients"
+        )));
+    }
+    let undetermined = |problem: &dyn std::fmt::Display| {
+        Error::Usage(format!(
+            "static.csv does not determine the coefficients: {problem}"
+        ))
+    };
+    let fit = two_passes(campaign, prior_sigma).map_err(|error| undetermined(&error))?;
+    let nominal = campaign.config.instrument.scale_factor_nominal_v_per_g;
+    let found = fit.coefficients.scale_factor_v_per_g;
+    if (found / nominal - 1.0).abs() <= MAX_SCALE_ERROR {
+        Ok(fit)
+    } else {
+        Err(undetermined(&format_args!(
+            "they would make K1 {found:.3e} V/g, far from the nominal {nominal} V/g"
+        )))
+    }
+}
+
+/// Relative error of the type's scale factor beyond which a fit is no measurement: twice what the tables let pass as an
+/// output of the instrument.
+const MAX_SCALE_ERROR: f64 = 0.5;
+
+fn two_passes(campaign: &Campaign, prior_sigma: Option<f64>) -> Result<Fit<f64>, StaticTestError> {
+    let mut workspace = Workspace::of(campaign.readings.iter().map(position));
+    let nominal = Coefficients {
+        scale_factor_v_per_g: campaign.config.instrument.scale_factor_nominal_v_per_g,
+        ..Coefficients::default()
+    };
+    let (first, mounts) = pass(campaign, prior_sigma, nominal, &[], &mut workspace)?;
+    let about = first.coefficients;
+    pass(campaign, prior_sigma, about, &mounts, &mut workspace).map(|(second, _)| second)
+}
+
+/// One pass: linearised about these coefficients and mounts; the fit, and where it finds the mounts.
+fn pass(
+    campaign: &Campaign,
+    prior_sigma: Option<f64>,
+    about: Coefficients<f64>,
+    mounts: &[MountEstimate<f64>],
+    workspace: &mut Workspace,
+) -> Result<(Fit<f64>, Vec<MountEstimate<f64>>), StaticTestError> {
+    let mut test = workspace.test(bench(&campaign.config.bench), about)?;
+    for mount in mounts {
+        test.linearise_mount(mount)?;
+    }
+    for r in &campaign.readings {
+        test.absorb(&Reading {
+            position: position(r),
+            output_v: r.output_v,
+            sigma_v: r.sigma_v,
+        })?;
+    }
+    let fit = test
+        .solve(prior_sigma.map(|sigma| [sigma; NOMINAL]).as_ref())
+        .map_err(StaticTestError::Workspace)?;
+    let found = test.mount_estimates(&fit.coefficients).collect();
+    Ok((fit, found))
+}
