@@ -1,6 +1,6 @@
 //! The application at the serial line: takes what comes, sends what there is, and never waits for either for ever.
 
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either3, select3};
 use embedded_hal_async::delay::DelayNs;
 use embedded_io::{Read, ReadReady};
 use embedded_io_async::Write;
@@ -36,36 +36,55 @@ impl<RX: Read + ReadReady, TX: Write, DELAY: DelayNs> Conversation<RX, TX, DELAY
     /// Takes all that has come. Bytes that the line spoilt are counted; the frame that they fall into is rejected by its
     /// checksum.
     pub fn hear(&mut self, app: &mut App<'_>) {
-        let mut bytes = [0; BYTES];
-        // At the most as often as the receiver's ring can have been filled: the loop ends whatever comes.
-        for _ in 0..BYTES {
-            match self.receiver.read_ready() {
-                Ok(false) => return,
-                Ok(true) => match self.receiver.read(&mut bytes) {
-                    Ok(count) => app.receive(bytes.get(..count).unwrap_or(&[])),
-                    Err(_) => count(&mut app.board().line_errors),
-                },
-                Err(_) => count(&mut app.board().line_errors),
-            }
-        }
+        hear(&mut self.receiver, app);
     }
 
-    /// Sends the next frame; false when there is none. A line that does not take it in time costs the frame, which the
-    /// host misses by its number, and is counted.
-    pub async fn say(&mut self, app: &mut App<'_>) -> bool {
-        if !app.transmit(&mut self.frame) {
+    /// Sends the next frame; false when there is none. Meanwhile it hears whenever `called` is ready, so that no command
+    /// waits for a frame. A line that does not take it in time costs the frame, which the host misses by its number, and
+    /// is counted.
+    pub async fn say(&mut self, app: &mut App<'_>, mut called: impl AsyncFnMut()) -> bool {
+        let Self {
+            receiver,
+            sender,
+            delay,
+            frame,
+        } = self;
+        if !app.transmit(frame) {
             return false;
         }
-        let sent = select(
-            self.sender.write_all(self.frame.as_bytes()),
-            self.delay.delay_us(WRITE_LIMIT_US),
+        let hearing = async {
+            loop {
+                called().await;
+                hear(receiver, app);
+            }
+        };
+        let sent = select3(
+            sender.write_all(frame.as_bytes()),
+            delay.delay_us(WRITE_LIMIT_US),
+            hearing,
         );
         match sent.await {
-            Either::First(Ok(())) => {}
-            Either::First(Err(_)) => count(&mut app.board().line_errors),
-            Either::Second(()) => count(&mut app.board().line_timeouts),
+            Either3::First(Ok(())) => {}
+            Either3::First(Err(_)) => count(&mut app.board().line_errors),
+            Either3::Second(()) => count(&mut app.board().line_timeouts),
+            Either3::Third(never) => never,
         }
         true
+    }
+}
+
+fn hear(receiver: &mut (impl Read + ReadReady), app: &mut App<'_>) {
+    let mut bytes = [0; BYTES];
+    // At the most as often as the receiver's ring can have been filled: the loop ends whatever comes.
+    for _ in 0..BYTES {
+        match receiver.read_ready() {
+            Ok(false) => return,
+            Ok(true) => match receiver.read(&mut bytes) {
+                Ok(count) => app.receive(bytes.get(..count).unwrap_or(&[])),
+                Err(_) => count(&mut app.board().line_errors),
+            },
+            Err(_) => count(&mut app.board().line_errors),
+        }
     }
 }
 
@@ -79,8 +98,9 @@ mod tests {
 
     use core::convert::Infallible;
     use core::future::pending;
+    use core::pin::pin;
 
-    use embassy_futures::block_on;
+    use embassy_futures::{block_on, poll_once};
     use embedded_io::{ErrorKind, ErrorType};
     use shared::wire::framing::Frame;
     use shared::wire::message::{Command, Identity};
@@ -189,10 +209,10 @@ mod tests {
         line.hear(&mut app);
         // Its name, and what the board says of itself.
         for timeouts in 1..=2 {
-            assert!(block_on(line.say(&mut app)));
+            assert!(block_on(line.say(&mut app, pending)));
             assert_eq!(app.board().line_timeouts, timeouts);
         }
-        assert!(!block_on(line.say(&mut app)));
+        assert!(!block_on(line.say(&mut app, pending)));
     }
 
     #[test]
@@ -205,7 +225,27 @@ mod tests {
         let mut line = Conversation::new(Port(came.collect()), Wire(Some(Vec::new())), Stands);
         line.hear(&mut app);
         assert_eq!(app.board().line_errors, 2);
-        assert!(block_on(line.say(&mut app)));
+        assert!(block_on(line.say(&mut app, pending)));
         assert!(line.sender.0.is_some_and(|taken| taken.len() > 30));
+    }
+    #[test]
+    fn a_command_that_comes_while_a_frame_is_sent_is_heard_before_the_frame_ends() {
+        let mut queues = Queues::new();
+        let (mut acquisition, end) = queues.split();
+        let mut app = App::new(IDENTITY, end);
+        let mut line = Conversation::new(Port(hello().into()), Wire(None), Stands);
+        line.hear(&mut app);
+        assert!(acquisition.order().is_some() && acquisition.order().is_none());
+        line.receiver.0.extend(hello());
+        // The wire never ends: whoever is called but once waits for ever.
+        let mut calls = 0;
+        let mut sending = pin!(line.say(&mut app, async || {
+            calls += 1;
+            if calls > 1 {
+                pending::<()>().await;
+            }
+        }));
+        assert!(poll_once(sending.as_mut()).is_pending());
+        assert!(acquisition.order().is_some());
     }
 }

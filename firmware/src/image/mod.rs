@@ -42,7 +42,7 @@ pub const BAUD: u32 = 1_000_000;
 /// Conversions in a block: a hundred blocks a second at 4 kSPS.
 const BLOCK_SAMPLES: u16 = 40;
 
-/// How long the link sleeps when nothing is to be said: what a command may wait.
+/// How long the link sleeps when nothing is said or heard: what a command may wait while nothing is converted.
 const LISTEN_MS: u64 = 5;
 
 /// How often it is looked whether all tasks live, and how many looks there are to a measurement of temperatures.
@@ -65,8 +65,9 @@ static ACQUIRING: StaticCell<TheAcquisition> = StaticCell::new();
 static CONVERSING: StaticCell<TheConversation> = StaticCell::new();
 static WORKSPACE: StaticCell<[f64; WORKSPACE_LEN]> = StaticCell::new();
 
-/// Set when the application has something to do: a report waits for the line, or the memory was written.
-static REPORTS: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+/// Set when the link has something to do: a report waits for the line, the host has said something, or the memory was
+/// written.
+static LINK_CALLED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// What was measured last of the surroundings, for the acquisition until it takes it, and for the link.
 static AROUND: Signal<CriticalSectionRawMutex, Around> = Signal::new();
@@ -206,6 +207,7 @@ fn identity(config: &Config) -> Identity {
 #[embassy_executor::task]
 async fn acquire(acquisition: &'static mut TheAcquisition) {
     let mut waiting = 0;
+    let mut received = board::received();
     let mut pulses = 0;
     loop {
         acquisition.step().await;
@@ -222,11 +224,12 @@ async fn acquire(acquisition: &'static mut TheAcquisition) {
         if let Some(around) = AROUND.try_take() {
             acquisition.sampler().set_around(around);
         }
-        let now = acquisition.waiting();
-        if now > waiting {
-            REPORTS.signal(());
+        // The receiver has no interrupt of its own; orders are carried out between two fetches anyway.
+        let (waits, came) = (acquisition.waiting(), board::received());
+        if waits > waiting || came != received {
+            LINK_CALLED.signal(());
         }
-        waiting = now;
+        (waiting, received) = (waits, came);
     }
 }
 
@@ -256,8 +259,11 @@ async fn converse(
         if let Some(kept) = memory::KEPT.try_take() {
             app.stored(kept);
         }
-        if !conversation.say(app).await {
-            select(REPORTS.wait(), Timer::after_millis(LISTEN_MS)).await;
+        if !conversation
+            .say(app, async || LINK_CALLED.wait().await)
+            .await
+        {
+            select(LINK_CALLED.wait(), Timer::after_millis(LISTEN_MS)).await;
         }
     }
 }
@@ -275,5 +281,5 @@ fn tell(verdicts: Verdicts) {
 /// Writes to the memory what it is told; nobody waits for it.
 #[embassy_executor::task]
 async fn remember(memory: &'static mut Memory) {
-    memory::serve(memory, || REPORTS.signal(())).await
+    memory::serve(memory, || LINK_CALLED.signal(())).await
 }

@@ -35,7 +35,7 @@ pub use bus::Bus;
 pub use clocks::is_lost as clock_is_lost;
 pub use drdy::pulse;
 pub use flash::Flash;
-pub use serial::Receiver;
+pub use serial::{Receiver, received};
 pub use thermometer::Thermometer;
 
 /// What goes to the host.
