@@ -55,6 +55,33 @@ fn a_reading_comes_back_as_blocks_of_every_conversion_since_the_command() -> Res
     Ok(())
 }
 
+/// Conversions by which commands may differ in their delay: a fetch of three ends before the link looks for what has come,
+/// another one before it is carried out, and it comes anywhere in a conversion.
+const TWO_FETCHES: i64 = 7;
+
+#[test]
+fn a_command_waits_for_two_fetches_at_the_most_whatever_the_line_carries() -> Result<(), Error> {
+    let mut host = Conversation::start(Plain::new(CLOCK_HZ, counting))?;
+    for raw in [false, true] {
+        host.command(&Command::StreamRaw { on: raw })?;
+        let mut delays = Vec::new();
+        for n in 0..50 {
+            // Every phase of conversions and blocks.
+            host.listen(Duration::from_micros(3000 + 137 * n))?;
+            let sent = host.board.converter().conversions();
+            let holds = host.command(&Command::StartPosition(position(n as u32)))?;
+            // Those of the set-up have no index.
+            delays.push(holds.expect("an answer") as i64 - sent as i64);
+            host.command(&Command::StopPosition)?;
+        }
+        let (least, most) = (delays.iter().min(), delays.iter().max());
+        let spread = most.zip(least).map(|(most, least)| most - least);
+        println!("raw {raw}: {spread:?}");
+        assert!(spread.is_some_and(|s| s <= TWO_FETCHES), "{delays:?}");
+    }
+    Ok(())
+}
+
 /// Runs with or without raw samples, and counts.
 fn loses_nothing(rate: Rate, seconds: u64, raw: bool) -> Result<(), Error> {
     let converter = Plain::new(CLOCK_HZ, counting);
