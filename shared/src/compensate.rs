@@ -17,6 +17,9 @@
 //! [`Compensator`] is what does not change from sample to sample, [`CompensatorState`] what does. `f32` is enough:
 //! the correction is small, and the mean comes from an integer sum.
 
+use core::array::from_fn;
+use core::mem::replace;
+
 use serde::{Deserialize, Serialize};
 
 use crate::model::{Coefficients, NOMINAL, SpecificForce};
@@ -259,22 +262,14 @@ impl<T: Real> Compensator<T> {
         step(step(u_g))
     }
 
-    /// What the inversion of (1) takes from the instrument's output of this sample, g; `before` are the one and the two
-    /// before it.
+    /// What the inversion of (1) takes from the instrument's output of this sample, g; `bend` is by how much the step to it
+    /// is less than the step before.
     #[inline]
-    fn removed_g(
-        &self,
-        codes: [i32; CHANNELS],
-        before: Option<([i32; CHANNELS], [i32; CHANNELS])>,
-    ) -> T {
+    fn removed_g(&self, codes: [i32; CHANNELS], bend: [i32; CHANNELS]) -> T {
         // Codes have 24 bits: nothing wraps.
         let sharpened_g = |k: usize, zero: i32| {
-            let bend = before.map_or(0, |(one, two)| {
-                let step = codes[k].wrapping_sub(one[k]);
-                one[k].wrapping_sub(two[k]).wrapping_sub(step)
-            });
             let x = T::from_i64(i64::from(codes[k].wrapping_sub(zero)));
-            (x + T::lit(SHARPENING) * T::from_i64(i64::from(bend))) * self.to_g[k]
+            (x + T::lit(SHARPENING) * T::from_i64(i64::from(bend[k]))) * self.to_g[k]
         };
         let u_g = sharpened_g(0, 0);
         u_g - self.invert_g(
@@ -466,13 +461,39 @@ pub struct CompensatorState<T> {
     continues: bool,
     /// How many such samples there were.
     first: u32,
-    /// The last sample and the one before it; point by point only.
-    before: [Option<[i32; CHANNELS]>; 2],
+    /// Point by point only.
+    course: Course,
     /// What point-wise inversion took out, summed over the block, g.
     removed_g: T,
     surroundings: Surroundings,
     felt: Felt<T>,
     felt_g2: T,
+}
+
+/// How the codes went until the last sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Course {
+    /// The last sample.
+    last: [i32; CHANNELS],
+    /// The step to it.
+    step: [i32; CHANNELS],
+    /// Samples since a gap, up to two: without two before it, a sample has no bend.
+    samples: u8,
+}
+
+impl Course {
+    /// Goes on to this sample: by how much the step to it is less than the step before.
+    #[inline]
+    fn bend(&mut self, codes: [i32; CHANNELS]) -> [i32; CHANNELS] {
+        let step = from_fn(|k| codes[k].wrapping_sub(self.last[k]));
+        let before = replace(&mut self.step, step);
+        self.last = codes;
+        if self.samples == 2 {
+            return from_fn(|k| before[k].wrapping_sub(step[k]));
+        }
+        self.samples += 1;
+        [0; CHANNELS]
+    }
 }
 
 /// What a block gathers of one channel. The codes have 24 bits and a block less than 2^16 samples: no sum overflows, but of
@@ -552,9 +573,8 @@ impl<T: Real> CompensatorState<T> {
         match compensator.mode {
             Mode::Block => self.plain = true,
             Mode::Pointwise => {
-                let [last, before] = self.before;
-                self.removed_g += compensator.removed_g(codes, last.zip(before));
-                self.before = [Some(codes), last];
+                let bend = self.course.bend(codes);
+                self.removed_g += compensator.removed_g(codes, bend);
             }
         }
     }
@@ -562,7 +582,7 @@ impl<T: Real> CompensatorState<T> {
     /// Forgets the last samples: what follows comes after a gap.
     pub fn interrupt(&mut self) {
         (self.plain, self.continues) = (false, false);
-        self.before = [None; 2];
+        self.course.samples = 0;
     }
 
     /// What the blocks from here on are measured under.
