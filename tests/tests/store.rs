@@ -41,7 +41,7 @@ fn configuration(n: u32) -> Certified {
     };
     Certified {
         configuration,
-        provenance: (n % 3 != 0).then(|| provenance(n)),
+        provenance: (!n.is_multiple_of(3)).then(|| provenance(n)),
         errors: StatedErrors {
             scale_factor_drift: n as f32,
             ..StatedErrors::default()
