@@ -499,6 +499,7 @@ impl Tables<'_> {
             sigma_v: self.dwell_sigma_v,
             session: None,
             exclude: false,
+            line: u64::from(number) + 2,
             unknown: Vec::new(),
         })
     }
@@ -537,6 +538,7 @@ impl Tables<'_> {
             reference: Some(self.reference(shaken, during)?),
             session: None,
             exclude: false,
+            line: number as u64 + 2,
             unknown: Vec::new(),
         })
     }

@@ -6,20 +6,18 @@
 
 use serde::Serialize;
 use shared::identify::static_test::Fit;
-use shared::model::{Coefficients, SpecificForce};
+use shared::model::Coefficients;
 use shared::rectification::Sensitivity;
-use shared::vibration::{Harmonic, Moments};
 
-use crate::campaign::{Campaign, Run, VibrationKind};
+use crate::campaign::{Campaign, Run};
+use crate::campaign_model::judge::static_test;
 use crate::error::Error;
 use crate::forward::finite_record::unseen_variance_g2;
+use crate::forward::motion::Motion;
+use crate::forward::rows::RunConditions;
 use crate::quantity::Quantity;
 use crate::refit::predict_refitted;
-use crate::statics::{fit, p_value};
-
-/// Standard deviation about zero that a prediction takes for each coefficient but K1 (in its own unit) when the static
-/// plan leaves some of them undetermined: about the root mean square of k1', k2, k3 and k4 in the paper's Table 1.
-pub const DEFAULT_PRIOR_SIGMA: f64 = 5e-4;
+use crate::statics::{fit_determined, p_value};
 
 /// Predictions for the runs of a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -56,24 +54,20 @@ pub struct PredictedRun {
     pub measured_vre_g: Option<Quantity>,
 }
 
-/// Predicts the vibration error of `runs` from the campaign's static readings and, for the refit, from its shaker
-/// runs. `prior_sigma` acts if given, and as [`DEFAULT_PRIOR_SIGMA`] where the static plan is blind.
+/// Predicts the vibration error of `runs` from the campaign's static readings that belong and, for the refit, from its shaker
+/// runs. `prior_sigma` acts if given, and as [`DEFAULT_PRIOR_SIGMA`](crate::statics::DEFAULT_PRIOR_SIGMA) where the static plan is blind.
 ///
 /// # Errors
-/// Those of [`fit`].
+/// Those of [`fit_determined`].
 pub fn predict(
     campaign: &Campaign,
     runs: &[Run],
     prior_sigma: Option<f64>,
 ) -> Result<Prediction, Error> {
-    let bare = fit(campaign, prior_sigma)?;
-    let blind = !bare.visibility.blind_directions().is_empty();
-    let prior_sigma = prior_sigma.or(blind.then_some(DEFAULT_PRIOR_SIGMA));
-    let from_static = if blind {
-        fit(campaign, prior_sigma)?
-    } else {
-        bare
-    };
+    let judged = static_test(campaign);
+    let belonging = judged.map(|judged| judged.assumptions.applied_to_readings(campaign));
+    let belonging = belonging.as_ref().unwrap_or(campaign);
+    let (from_static, prior_sigma) = fit_determined(belonging, prior_sigma)?;
     let refitted = if campaign.runs.iter().any(|run| run.measured.is_some()) {
         predict_refitted(campaign, [], runs, prior_sigma)?
             .into_iter()
@@ -124,28 +118,8 @@ pub fn measured_vre_g(run: &Run, coefficients: &Coefficients<f64>) -> Option<Qua
     ))
 }
 
-/// Derivatives of a run's vibration error by the coefficients.
+/// Derivatives of a run's vibration error by the coefficients: commanded level, and the shape that the reference saw.
 pub fn sensitivity(run: &Run) -> Sensitivity<f64> {
-    Sensitivity::new(run.specific_force_g.i, moments(run))
-}
-
-/// The moments of a run's vibration: commanded level, and the shape that the reference saw.
-pub fn moments(run: &Run) -> Moments<f64> {
-    let [i, p, o] = run.direction.map(|cosine| cosine * run.level_g);
-    match run.kind {
-        VibrationKind::Sine => Harmonic {
-            amplitude_g: SpecificForce::new(i, p, o),
-        }
-        .into(),
-        VibrationKind::Random => {
-            // Motion along one line: the axes are correlated by the signs of their direction cosines.
-            let sign = |x: f64, y: f64| if x * y == 0.0 { 0.0 } else { (x * y).signum() };
-            let (skew, kurt) = match &run.reference {
-                Some(seen) if seen.kurtosis[0] > 0.0 => (seen.skewness[0], seen.kurtosis[0]),
-                _ => (0.0, 3.0),
-            };
-            let rms = SpecificForce::new(i.abs(), p.abs(), o.abs());
-            Moments::near_gaussian(rms, [sign(i, p), sign(i, o), sign(p, o)], skew, kurt)
-        }
-    }
+    let conditions = RunConditions::from(run);
+    Motion::commanded(&conditions, run.reference.as_ref()).sensitivity(&conditions)
 }

@@ -842,3 +842,21 @@ fn the_document_of_ranges_is_the_table_that_is_checked() {
         .collect();
     assert_eq!(listed.concat(), rows.collect::<String>());
 }
+
+#[test]
+fn a_row_of_a_table_with_carriage_returns_or_blank_lines_is_named_by_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    common::campaign().write(folder.path()).unwrap();
+    let file = folder.path().join("static.csv");
+    let table = std::fs::read_to_string(&file).unwrap();
+    let mut lines: Vec<String> = table.lines().map(str::to_owned).collect();
+    lines[3] = lines[3].replacen(',', ",x", 1);
+    for (text, row) in [
+        (lines.join("\r\n"), 4),
+        (lines.join("\n").replacen('\n', "\n\n", 1), 5),
+    ] {
+        std::fs::write(&file, text).unwrap();
+        let line = Campaign::read(folder.path()).unwrap_err().to_string();
+        assert!(line.contains(&format!("static.csv, row {row}, ")), "{line}");
+    }
+}

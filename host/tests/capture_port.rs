@@ -342,6 +342,7 @@ fn an_instrument_keeps_the_coefficients_it_is_given_shows_them_and_forgets_them(
     assert_eq!(shown, given);
     let serial = Campaign::read(&campaign)?.config.instrument.serial;
     let kept = &shown["provenance"];
+    assert_eq!(kept["serial"], serial.as_str());
     assert_eq!(kept["accepted_by"], serde_json::json!([0, 1, 0]));
     assert!(kept["temperature_c"][0].as_f64() <= kept["temperature_c"][1].as_f64());
     let kept = &shown["configuration"];

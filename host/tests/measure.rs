@@ -290,6 +290,39 @@ fn bad_input_is_one_line_with_file_row_and_column() {
     }
 }
 
+#[test]
+fn a_row_is_named_by_its_line_whatever_ends_the_lines() {
+    let rows = "t,u\n0,1\n1,1\n2,bad\n3,1\n";
+    let long: String = (0..30_000).map(|n| format!("{n},1\n")).collect();
+    let long = format!("t,u\n{long}x,1\n");
+    for (content, row) in [
+        (rows.to_owned(), 4),
+        (rows.replace('\n', "\r\n"), 4),
+        (rows.replace('\n', "\r"), 4),
+        (rows.replacen("0,1\n", "0,1\n\n\r\n", 1), 6),
+        (long.replace('\n', "\r\n"), 30_002),
+        (long.replace("29999,1\n", "29999,1\n\n"), 30_003),
+        (rows.replace("2,bad", "\"2\",\"bad\""), 4),
+    ] {
+        let line = run(content.as_bytes(), &windows("0..2", "2..90000")).unwrap_err();
+        let line = line.to_string();
+        assert!(
+            line.contains(&format!("row {row}, column")),
+            "{row}: {line}"
+        );
+    }
+}
+
+#[test]
+fn two_columns_of_one_name_are_refused() {
+    let request = windows("0..1", "1..2");
+    let line = run(b"t,u,u\n0,1,1\n", &request).unwrap_err().to_string();
+    assert!(
+        line.ends_with("column u: stands in the header twice"),
+        "{line}"
+    );
+}
+
 /// A shaker run of an instrument of 2 V/g on a converter of 1.2 V: blocks of 40 samples.
 fn recorded(shift_v: f64) -> Vec<u8> {
     session(shift_v, 1e-4, 0.3)

@@ -17,7 +17,7 @@ pub struct Adequacy {
     pub p_value: f64,
     /// Largest chi-square beyond its expectation that a test found.
     pub excess: f64,
-    /// Logarithm of the evidence that "something else" acts besides, over that of the fit alone.
+    /// Logarithm of the evidence that something else acts besides, in the shape of any one family, over that of the fit alone.
     pub log_something_else: f64,
 }
 
@@ -57,7 +57,7 @@ pub fn adequacy(model: &dyn SeparableModel, fit: &Fit, families: &[Vec<Column>])
         observables.push((chi2, freedom));
     }
     let remainder = Remainder::new(model, fit);
-    let mut all: Vec<&Column> = Vec::new();
+    let mut something_else = Vec::new();
     for family in families {
         let columns: Vec<&Column> = family.iter().collect();
         let (gain, count) = remainder.gain(&columns, 1e6);
@@ -66,14 +66,34 @@ pub fn adequacy(model: &dyn SeparableModel, fit: &Fit, families: &[Vec<Column>])
             excess = excess.max(gain - count);
             tests += 1.0;
         }
-        all.extend(columns);
+        something_else.push(remainder.something_else(&columns));
     }
     Adequacy {
         observables,
         p_value: (least * f64::max(tests, 1.0)).min(1.0),
         excess,
-        log_something_else: remainder.something_else(&all),
+        log_something_else: log_mean(&something_else),
     }
+}
+
+/// Logarithm of the mean of numbers that are given by their logarithms.
+fn log_mean(logarithms: &[f64]) -> f64 {
+    let largest = logarithms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if largest == f64::NEG_INFINITY {
+        return largest;
+    }
+    let sum: f64 = logarithms.iter().map(|l| (l - largest).exp()).sum();
+    largest + (sum / logarithms.len() as f64).ln()
+}
+
+/// Evidence that something else acts besides, over that of a fit alone: see [`Adequacy::log_something_else`].
+pub fn log_something_else(model: &dyn SeparableModel, fit: &Fit, families: &[Vec<Column>]) -> f64 {
+    let remainder = Remainder::new(model, fit);
+    let of_family = |family: &Vec<Column>| {
+        let columns: Vec<&Column> = family.iter().collect();
+        remainder.something_else(&columns)
+    };
+    log_mean(&families.iter().map(of_family).collect::<Vec<_>>())
 }
 
 /// Share of each row that a fit's unknowns take; of the observables that a misfit is looked for in.

@@ -1,102 +1,63 @@
 //! Dense matrices: a symmetric positive definite one, factored.
 
-/// A symmetric positive definite matrix, factored in place: lower triangle L of L L^T.
+use nalgebra::linalg;
+use nalgebra::{DMatrix, DVectorView, DVectorViewMut, Dyn};
+
+/// A symmetric positive definite matrix, factored: lower triangle L of L L^T.
 #[derive(Clone, Debug)]
-pub struct Cholesky {
-    order: usize,
-    lower: Vec<f64>,
-}
+pub struct Cholesky(linalg::Cholesky<f64, Dyn>);
 
 impl Cholesky {
     /// Factors `matrix` (row by row, `order` squared numbers, the lower triangle counts); `None` if it is not positive
     /// definite.
-    pub fn new(mut matrix: Vec<f64>, order: usize) -> Option<Self> {
-        for i in 0..order {
-            let (above, row) = matrix.split_at_mut(i * order);
-            for j in 0..i {
-                let other = &above[j * order..=j * order + j];
-                row[j] = (row[j] - inner_product(&row[..j], &other[..j])) / other[j];
-            }
-            let left = row[i] - inner_product(&row[..i], &row[..i]);
-            if left.is_nan() || left <= 0.0 {
-                return None;
-            }
-            row[i] = left.sqrt();
-        }
-        Some(Self {
-            order,
-            lower: matrix,
-        })
+    pub fn new(matrix: Vec<f64>, order: usize) -> Option<Self> {
+        let matrix = DMatrix::from_row_slice(order, order, &matrix);
+        linalg::Cholesky::new(matrix).map(Self)
     }
 
     /// Solves for one right-hand side, in place.
     pub fn solve(&self, x: &mut [f64]) {
-        self.forward(x);
-        let n = self.order;
-        for i in (0..n).rev() {
-            let row = &self.lower[i * n..=i * n + i];
-            x[i] /= row[i];
-            let known = x[i];
-            for (x, l) in x[..i].iter_mut().zip(row) {
-                *x -= l * known;
-            }
-        }
+        let rows = x.len();
+        self.0.solve_mut(&mut DVectorViewMut::from_slice(x, rows));
     }
 
     /// L^-1 x, in place.
     pub fn forward(&self, x: &mut [f64]) {
-        for (i, row) in self.lower.chunks_exact(self.order.max(1)).enumerate() {
-            x[i] = (x[i] - inner_product(&row[..i], &x[..i])) / row[i];
-        }
+        let rows = x.len();
+        self.0
+            .l_dirty()
+            .solve_lower_triangular_unchecked_mut(&mut DVectorViewMut::from_slice(x, rows));
     }
 
     /// L x, in place: of standard normal numbers, ones with the matrix as their covariance.
     pub fn times(&self, x: &mut [f64]) {
-        for (i, row) in self.lower.chunks_exact(self.order.max(1)).enumerate().rev() {
-            x[i] = inner_product(&row[..=i], &x[..=i]);
-        }
+        let lower = self.0.l();
+        let product = lower * DVectorView::from_slice(x, x.len());
+        x.copy_from_slice(product.as_slice());
     }
 
     /// Logarithm of the determinant.
     pub fn log_determinant(&self) -> f64 {
-        (0..self.order)
-            .map(|i| 2.0 * self.lower[i * self.order + i].ln())
-            .sum()
+        self.0.ln_determinant()
     }
 
     /// Of a variable with this matrix as its precision: the standard deviation of element `i` where all later ones are known
     /// and no earlier one is.
     pub(crate) fn sigma_given_later(&self, i: usize) -> f64 {
-        1.0 / self.lower[i * self.order + i]
+        1.0 / self.0.l_dirty()[(i, i)]
     }
 
     /// The inverse, row by row.
     pub fn inverse(&self) -> Vec<f64> {
-        let n = self.order;
-        let mut inverse = vec![0.0; n * n];
-        for i in 0..n {
-            let column = &mut inverse[i * n..(i + 1) * n];
-            column[i] = 1.0;
-            self.solve(column);
-        }
-        inverse
+        // Symmetric: rows are columns.
+        self.0.inverse().as_slice().to_vec()
     }
 }
 
-/// Sum of products, by eight independent accumulators, so that the loop vectorises.
+/// Sum of products.
 #[inline]
 pub fn inner_product(x: &[f64], y: &[f64]) -> f64 {
-    const LANES: usize = 8;
-    let (x_lanes, x_rest) = x.as_chunks::<LANES>();
-    let (y_lanes, y_rest) = y.as_chunks::<LANES>();
-    let mut sums = [0.0; LANES];
-    for (x, y) in x_lanes.iter().zip(y_lanes) {
-        for k in 0..LANES {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    let rest: f64 = x_rest.iter().zip(y_rest).map(|(x, y)| x * y).sum();
-    sums.iter().sum::<f64>() + rest
+    DVectorView::from_slice(x, x.len()).dot(&DVectorView::from_slice(y, y.len()))
 }
 
 #[cfg(test)]

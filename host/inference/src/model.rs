@@ -3,7 +3,6 @@
 use std::cell::OnceCell;
 use std::rc::Rc;
 
-use crate::dense::Cholesky;
 use crate::normal::Normal;
 use crate::observations::{Column, Observations};
 use crate::prior::{Parameter, Prior, grid};
@@ -232,29 +231,6 @@ impl Base {
             prior_mean,
             still,
         }
-    }
-
-    /// The unknowns by their prior and some rows alone.
-    pub fn solve_within(
-        &self,
-        observations: &Observations,
-        rows: std::ops::Range<usize>,
-    ) -> Option<Vec<f64>> {
-        let n = self.columns.len();
-        let y = &observations.observed().values[rows.clone()];
-        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let mut matrix = vec![0.0; n * n];
-        let mut x = vec![0.0; n];
-        for (i, column) in self.columns.iter().enumerate() {
-            let column = &column.values[rows.clone()];
-            for (j, other) in self.columns.iter().enumerate() {
-                matrix[i * n + j] = product(column, &other.values[rows.clone()]);
-            }
-            matrix[i * n + i] += self.prior_precision[i];
-            x[i] = product(column, y) + self.prior_precision[i] * self.prior_mean[i];
-        }
-        Cholesky::new(matrix, n)?.solve(&mut x);
-        Some(x)
     }
 
     /// Another prior precision of one unknown.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::adequacy::{Adequacy, adequacy};
+use crate::adequacy::{Adequacy, adequacy, log_something_else};
 use crate::dense::Cholesky;
 use crate::fit::{Fit, fit, fit_base, tangent, thresholds_anew};
 use crate::model::{Fidelity, Kind, Member, Prediction, SeparableModel};
@@ -34,6 +34,8 @@ pub struct SearchPolicy {
     pub tolerated_share: f64,
     /// Likeness of two components of a set of three or more beyond which they stand in together for something else.
     pub stand_in: f64,
+    /// Standard deviations from nothing that a component's parameters have at least.
+    pub acts: f64,
     /// Most components at once.
     pub most_members: usize,
     /// Best hypotheses that another component is added to.
@@ -59,14 +61,15 @@ impl Default for SearchPolicy {
         Self {
             prior_nothing: 0.5,
             prior_another: 0.1,
-            prior_something_else: 0.02,
+            prior_something_else: 0.1,
             worth: 3.0,
             misfit: 1e-4,
             another_looked_for: 7.0,
             something_else_wins: 3.0,
             unexplained_rest: 0.1,
-            tolerated_share: 0.05,
+            tolerated_share: 0.025,
             stand_in: 0.5,
+            acts: 3.0,
             most_members: 3,
             bases: 3,
             closer_look: 10,
@@ -532,6 +535,42 @@ impl Seek<'_> {
         prior + fit.log_evidence
     }
 
+    /// Whether each component of a fit does something: of its parameters that nothing has at zero one is clearly another.
+    fn all_act(&self, fit: &Fit) -> bool {
+        fit.members.iter().enumerate().all(|(m, member)| {
+            let component = &self.model.components()[member.component];
+            let from_nothing = match component.begins_at_nothing() {
+                true => member.values.len(),
+                false => component.linear(),
+            };
+            let distance = |k: usize| {
+                let unknown = fit.unknown(m, k)?;
+                let prior = component.parameters[k].prior;
+                let sigma = fit.covariance(unknown, unknown).max(0.0).sqrt();
+                Some((prior.inner(member.values[k]) / sigma).abs())
+            };
+            let mut distances = (0..from_nothing).filter_map(distance).peekable();
+            distances.peek().is_none() || distances.any(|far| far > self.policy.acts)
+        })
+    }
+
+    /// Logarithm of the odds that something else acts in the place of one component or of all: smooth shapes on top of the best
+    /// hypothesis of each lesser number of components, against the best of all.
+    fn something_else_instead(&self, hypotheses: &[Hypothesis], families: &[Vec<Column>]) -> f64 {
+        let best = &hypotheses[0];
+        let lesser = (0..best.fit.members.len()).filter_map(|count| {
+            hypotheses
+                .iter()
+                .find(|hypothesis| hypothesis.fit.members.len() == count)
+        });
+        let odds = lesser.map(|hypothesis| {
+            hypothesis.log_posterior_weight - best.log_posterior_weight
+                + self.policy.prior_something_else.ln()
+                + log_something_else(self.model, &hypothesis.fit, families)
+        });
+        odds.fold(f64::NEG_INFINITY, f64::max)
+    }
+
     fn conclude(
         &self,
         null: Fit,
@@ -542,6 +581,7 @@ impl Seek<'_> {
         let policy = self.policy;
         let mut hypotheses: Vec<Hypothesis> = fits
             .into_iter()
+            .filter(|fit| self.all_act(fit))
             .map(|fit| Hypothesis {
                 log_posterior_weight: self.log_posterior_weight(&fit),
                 fit,
@@ -562,12 +602,10 @@ impl Seek<'_> {
         let best = hypotheses[0].log_posterior_weight;
         let prior_something_else = policy.prior_something_else.ln();
         let something_else = prior_something_else + adequacy.log_something_else / temper;
-        let nothing_known =
-            prior_something_else + null.log_evidence + null_adequacy.log_something_else - best;
-        let unexplained = large
-            && (adequacy.p_value < policy.misfit
-                || something_else > policy.something_else_wins
-                || nothing_known > 0.0);
+        let instead = self.something_else_instead(&hypotheses, families) / temper;
+        let unexplained = (large
+            && (adequacy.p_value < policy.misfit || something_else > policy.something_else_wins))
+            || instead > 0.0;
         let mut total = 0.0;
         for hypothesis in &mut hypotheses {
             hypothesis.probability = ((hypothesis.log_posterior_weight - best) / temper).exp();
@@ -575,11 +613,10 @@ impl Seek<'_> {
         }
         let known = if unexplained {
             policy.unexplained_rest
-        } else if large {
-            total / (total + something_else.exp() + nothing_known.exp())
         } else {
-            // A small misfit is the formulas': it makes nothing else probable.
-            1.0
+            // A small misfit is the formulas': it makes nothing else besides probable.
+            let besides = if large { something_else.exp() } else { 0.0 };
+            total / (total + besides + instead.exp())
         };
         for hypothesis in &mut hypotheses {
             hypothesis.probability *= known / total;

@@ -234,6 +234,7 @@ impl VirtualBench {
                 reference_cross_sensitivity: None,
                 reference_noise_g: None,
                 reference_gain_rel_sigma: None,
+                peak_rel_sigma: Some(self.specification.peak_rel_sigma),
                 peak_gain_rel_sigma: None,
                 unknown: Default::default(),
             }),
@@ -318,6 +319,7 @@ impl VirtualBench {
             sigma_v: scale_v_per_g * self.specification.noise_g,
             session: None,
             exclude: false,
+            line: order as u64 + 2,
             unknown: Vec::new(),
         }
     }
@@ -349,6 +351,7 @@ impl VirtualBench {
             reference: Some(self.reference_moments(number, &motion)),
             session: None,
             exclude: false,
+            line: number as u64 + 2,
             unknown: Vec::new(),
         };
         (run, levels.during_g - levels.before_g)

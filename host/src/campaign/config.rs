@@ -128,7 +128,10 @@ impl Acquisition {
     }
 }
 
-/// The shaker's reference accelerometer.
+/// Relative standard uncertainty of a peak detector that states none: a few parts in 1e4.
+const PEAK_REL_SIGMA: f64 = 5e-4;
+
+/// The shaker's reference accelerometer, and the peak detector at the instrument's output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shaker {
     /// Relative standard uncertainty of the reference's rms, drawn anew in each run.
@@ -142,6 +145,9 @@ pub struct Shaker {
     /// Relative standard uncertainty of the gain of each of the reference's axes, the same in all runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_gain_rel_sigma: Option<f64>,
+    /// Relative standard uncertainty of an excursion by the peak detector, drawn anew in each run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_rel_sigma: Option<f64>,
     /// Relative standard uncertainty of the peak detector's gain, the same in all runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_gain_rel_sigma: Option<f64>,
@@ -203,6 +209,17 @@ impl CampaignConfig {
             record: None,
             unknown: toml::Table::new(),
         }
+    }
+
+    /// Relative standard uncertainty of an excursion by the peak detector.
+    pub fn peak_rel_sigma(&self) -> f64 {
+        let stated = self.shaker.as_ref().and_then(|s| s.peak_rel_sigma);
+        stated.unwrap_or(PEAK_REL_SIGMA)
+    }
+
+    /// Relative difference up to which two extremes may be alike: four of its standard uncertainties.
+    pub fn peak_rel_error(&self) -> f64 {
+        4.0 * self.peak_rel_sigma()
     }
 
     /// Reads and checks `file`.
@@ -279,7 +296,7 @@ impl CampaignConfig {
     }
 
     /// Every number, with its key and its range.
-    fn numbers(&self) -> [(&'static str, Option<f64>, &'static Range); 21] {
+    fn numbers(&self) -> [(&'static str, Option<f64>, &'static Range); 22] {
         use ranges::{ARCSEC_SIGMA, G_SIGMA, RELATIVE_SIGMA};
         let Self {
             instrument,
@@ -376,6 +393,11 @@ impl CampaignConfig {
                 "vre_g",
                 self.limits.as_ref().and_then(|limits| limits.vre_g),
                 &ranges::VRE_LIMIT,
+            ),
+            (
+                "peak_rel_sigma",
+                shaker.and_then(|shaker| shaker.peak_rel_sigma),
+                &RELATIVE_SIGMA,
             ),
             (
                 "peak_gain_rel_sigma",

@@ -47,6 +47,7 @@ const KNOWN: [(Option<&str>, &[&str]); 7] = [
             "reference_cross_sensitivity",
             "reference_noise_g",
             "reference_gain_rel_sigma",
+            "peak_rel_sigma",
             "peak_gain_rel_sigma",
         ],
     ),

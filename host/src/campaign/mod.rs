@@ -27,15 +27,15 @@ pub use shared::tumble::Series;
 pub use static_table::{Approach, Reading, read_plan};
 pub use table::{MAX_ROW_BYTES, MAX_ROWS};
 pub use vibration_table::{
-    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, DETECTOR_REL_ERROR, Drift, Extremes, Measured,
-    ReferenceMoments, Run, VibrationKind, read_runs, write_runs,
+    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Drift, Extremes, Measured, ReferenceMoments, Run,
+    VibrationKind, read_runs, write_runs,
 };
 
 use crate::error::{Error, Place, Problem, decimal};
 use crate::median::median;
 use crate::output::write_file;
 use table::Row;
-pub(crate) use table::{RowLimited, read_error};
+pub(crate) use table::{RowSource, read_error};
 
 /// All the measurements of one instrument.
 #[derive(Clone, Debug, PartialEq)]

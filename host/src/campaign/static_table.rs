@@ -82,6 +82,8 @@ pub struct Reading {
     pub session: Option<String>,
     /// Kept, and not used: see [`Campaign::used`](super::Campaign::used).
     pub exclude: bool,
+    /// Line of the table that it stands in; the header is line 1.
+    pub line: u64,
     /// Columns that mean nothing to us.
     pub unknown: UnknownCells,
 }
@@ -202,6 +204,7 @@ fn reading(row: &Row<'_>, order: u64, config: &CampaignConfig) -> Result<Reading
         sigma_v: row.number("sigma_v", &ranges::OUTPUT_SIGMA)?,
         session: row.words(SESSION),
         exclude: row.flag(EXCLUDE)?,
+        line: row.line(),
         unknown: row.unknown(&COLUMNS),
     };
     if !reading.exclude {

@@ -1,6 +1,6 @@
 //! A CSV table with columns found by name, read row by row, whose errors name file, row and column.
 
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub const MAX_ROW_BYTES: usize = 1 << 20;
 pub(super) struct Table {
     file: PathBuf,
     columns: Vec<String>,
-    reader: csv::Reader<RowLimited<File>>,
+    reader: csv::Reader<RowSource<File>>,
     rows: u64,
 }
 
@@ -35,10 +35,10 @@ impl Table {
         let source = File::open(file).map_err(Error::read(file))?;
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
-            .from_reader(RowLimited::new(source));
+            .from_reader(RowSource::new(source));
         let header = reader
             .headers()
-            .map_err(|error| read_error(file, &[], error))?;
+            .map_err(|error| read_error(file, &[], error, Some(1)))?;
         let columns: Vec<String> = header.iter().map(str::to_owned).collect();
         if columns.iter().all(|name| name.is_empty()) {
             return Err(Error::input(file, Problem::EmptyFile));
@@ -85,12 +85,15 @@ impl Table {
     /// The next row, or none after the last. A table without rows, or with more than [`MAX_ROWS`], is an
     /// error.
     pub(super) fn next_row(&mut self) -> Result<Option<Row<'_>>, Error> {
-        self.reader.get_mut().begin_row();
+        let byte = self.reader.position().byte();
+        self.reader.get_mut().begin_row(byte);
         let mut record = StringRecord::new();
-        let more = self
-            .reader
-            .read_record(&mut record)
-            .map_err(|error| read_error(&self.file, &self.columns, error))?;
+        let more = self.reader.read_record(&mut record).map_err(|error| {
+            let line = error
+                .position()
+                .and_then(|at| self.reader.get_ref().line(at));
+            read_error(&self.file, &self.columns, error, line)
+        })?;
         if !more {
             return match self.rows {
                 0 => Err(Error::input(&self.file, Problem::NoRows)),
@@ -117,7 +120,9 @@ pub(super) struct Row<'t> {
 impl Row<'_> {
     /// Line number in the file; the header is line 1.
     pub(super) fn line(&self) -> u64 {
-        self.record.position().map_or(0, csv::Position::line)
+        let source = self.table.reader.get_ref();
+        let position = self.record.position();
+        position.and_then(|at| source.line(at)).unwrap_or(0)
     }
 
     /// An error at `column` of this row.
@@ -245,11 +250,16 @@ impl Row<'_> {
     }
 }
 
-pub(crate) fn read_error(file: &Path, columns: &[String], error: csv::Error) -> Error {
-    let position = error.position().map(csv::Position::line);
+/// `line` is where the row stands, [`RowSource::line`] of the error's position.
+pub(crate) fn read_error(
+    file: &Path,
+    columns: &[String],
+    error: csv::Error,
+    line: Option<u64>,
+) -> Error {
     let place = |column: Option<usize>| Place {
         file: file.into(),
-        row: position,
+        row: line,
         column: column.and_then(|index| columns.get(index)).cloned(),
     };
     match error.kind() {
@@ -276,27 +286,70 @@ pub(crate) fn read_error(file: &Path, columns: &[String], error: csv::Error) -> 
     }
 }
 
-/// A reader that gives up when a row does not end.
-pub(crate) struct RowLimited<R> {
+/// A source of rows that gives up when a row does not end, and knows the file's lines. The CSV reader's own count of lines
+/// is wrong after CR LF and after blank lines.
+pub(crate) struct RowSource<R> {
     source: R,
     since_row: usize,
+    /// What was read and may still be asked for, in order.
+    chunks: VecDeque<Vec<u8>>,
+    /// Offset of the first chunk in the file.
+    start: u64,
+    /// Line at that offset, from 1.
+    line: u64,
+    /// The byte before it.
+    before: u8,
 }
 
-impl<R> RowLimited<R> {
+impl<R> RowSource<R> {
     pub(crate) fn new(source: R) -> Self {
         Self {
             source,
             since_row: 0,
+            chunks: VecDeque::new(),
+            start: 0,
+            line: 1,
+            before: 0,
         }
     }
 
-    /// To be called before each row.
-    pub(crate) fn begin_row(&mut self) {
+    /// To be called before each row; `byte` is where the CSV reader stands.
+    pub(crate) fn begin_row(&mut self, byte: u64) {
         self.since_row = 0;
+        while let Some(chunk) = self.chunks.front()
+            && self.start + chunk.len() as u64 <= byte
+        {
+            for &next in chunk {
+                self.line += u64::from(ends_line(self.before, next));
+                self.before = next;
+            }
+            self.start += chunk.len() as u64;
+            self.chunks.pop_front();
+        }
+    }
+
+    /// Line of the row that the CSV reader found at `position`, from 1: blank lines before it are not of it. `None` of a row
+    /// that was left behind.
+    pub(crate) fn line(&self, position: &csv::Position) -> Option<u64> {
+        let until = position.byte().checked_sub(self.start)?;
+        let (mut line, mut before) = (self.line, self.before);
+        for (offset, &next) in self.chunks.iter().flatten().enumerate() {
+            if offset as u64 >= until && !matches!(next, b'\r' | b'\n') {
+                break;
+            }
+            line += u64::from(ends_line(before, next));
+            before = next;
+        }
+        Some(line)
     }
 }
 
-impl<R: Read> Read for RowLimited<R> {
+/// Whether `next` ends a line: a line feed, or a carriage return which a line feed may follow.
+fn ends_line(before: u8, next: u8) -> bool {
+    next == b'\r' || (next == b'\n' && before != b'\r')
+}
+
+impl<R: Read> Read for RowSource<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if self.since_row > MAX_ROW_BYTES {
             return Err(io::Error::new(
@@ -306,6 +359,8 @@ impl<R: Read> Read for RowLimited<R> {
         }
         let count = self.source.read(buffer)?;
         self.since_row += count;
+        self.chunks
+            .extend((count > 0).then(|| buffer[..count].to_vec()));
         Ok(count)
     }
 }

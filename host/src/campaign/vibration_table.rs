@@ -57,15 +57,18 @@ pub struct Run {
     pub session: Option<String>,
     /// Kept, and not used: see [`Campaign::used`](super::Campaign::used).
     pub exclude: bool,
+    /// Line of the table that it stands in; the header is line 1.
+    pub line: u64,
     /// Columns that mean nothing to us.
     pub unknown: UnknownCells,
 }
 
 impl Run {
-    /// The same run before it was made: nothing is measured.
+    /// The same run before it was made, in whatever line: nothing is measured.
     pub fn unmade(&self) -> Self {
         Self {
             measured: None,
+            line: 0,
             ..self.clone()
         }
     }
@@ -210,7 +213,7 @@ pub fn read_runs(file: &Path, config: &CampaignConfig) -> Result<Vec<Run>, Error
     let mut latest_s: Option<f64> = None;
     while let Some(row) = table.next_row()? {
         let number = instrument.check_row(&row, "run")?;
-        let run = run(&row, number, &known)?;
+        let run = run(&row, number, &known, config.peak_rel_error())?;
         if !run.exclude {
             if let Some(earlier_s) = latest_s.filter(|earlier_s| *earlier_s > run.time_s) {
                 let problem = format!("{} is before {earlier_s} of the row above", run.time_s);
@@ -227,7 +230,7 @@ pub fn read_runs(file: &Path, config: &CampaignConfig) -> Result<Vec<Run>, Error
     Ok(runs)
 }
 
-fn run(row: &Row<'_>, number: u64, known: &[&str]) -> Result<Run, Error> {
+fn run(row: &Row<'_>, number: u64, known: &[&str], peak_rel_error: f64) -> Result<Run, Error> {
     let [i, p, o] = row.numbers(GRAVITY, &ranges::SPECIFIC_FORCE)?;
     let kind = row.one_of("kind", &KINDS, "a kind: sine or random")?;
     Ok(Run {
@@ -240,10 +243,11 @@ fn run(row: &Row<'_>, number: u64, known: &[&str]) -> Result<Run, Error> {
         specific_force_g: SpecificForce::new(i, p, o),
         temp_c: row.number("temp_c", &ranges::TEMPERATURE)?,
         duration_s: row.number("duration_s", &ranges::DURATION)?,
-        measured: measured(row)?,
+        measured: measured(row, peak_rel_error)?,
         reference: reference(row)?,
         session: row.words(SESSION),
         exclude: row.flag(EXCLUDE)?,
+        line: row.line(),
         unknown: row.unknown(known),
     })
 }
@@ -280,7 +284,7 @@ fn band(row: &Row<'_>, kind: VibrationKind) -> Result<[f64; 2], Error> {
 
 /// The measured output, or `None` where all three plateaus are empty. In a row without output the
 /// further cells of it (sigma, drift, extremes) may be filled, must be sound, and are not kept.
-fn measured(row: &Row<'_>) -> Result<Option<Measured>, Error> {
+fn measured(row: &Row<'_>, peak_rel_error: f64) -> Result<Option<Measured>, Error> {
     let [before, during, sigma] = MEASURED;
     let unmade = [before, during, AFTER[0]]
         .iter()
@@ -296,7 +300,7 @@ fn measured(row: &Row<'_>) -> Result<Option<Measured>, Error> {
             v_per_s,
             sigma_v_per_s,
         }),
-        extremes: extremes(row)?,
+        extremes: extremes(row, peak_rel_error)?,
     };
     if unmade {
         row.optional(sigma, &ranges::OUTPUT_SIGMA)?;
@@ -334,10 +338,7 @@ fn pair(
     ]))
 }
 
-/// Relative error of the peak detector, a few parts in 1e4, several times over: extremes that differ by less may be alike.
-pub const DETECTOR_REL_ERROR: f64 = 2e-3;
-
-fn extremes(row: &Row<'_>) -> Result<Option<Extremes>, Error> {
+fn extremes(row: &Row<'_>, peak_rel_error: f64) -> Result<Option<Extremes>, Error> {
     let found = pair(row, EXTREMES, [&ranges::OUTPUT, &ranges::OUTPUT])?;
     let Some([minimum_v, maximum_v]) = found else {
         return Ok(None);
@@ -348,7 +349,7 @@ fn extremes(row: &Row<'_>) -> Result<Option<Extremes>, Error> {
     };
     // Across the input axis both may lie within what the detector's own error spans.
     let size_v = extremes.maximum_v.abs().max(extremes.minimum_v.abs());
-    if extremes.maximum_v < extremes.minimum_v - DETECTOR_REL_ERROR * size_v {
+    if extremes.maximum_v < extremes.minimum_v - peak_rel_error * size_v {
         let problem = format!(
             "{} is below u_min_v = {}",
             extremes.maximum_v, extremes.minimum_v

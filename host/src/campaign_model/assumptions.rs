@@ -32,6 +32,9 @@ impl Noise {
     }
 }
 
+/// Change of a factor's logarithm up to which two judgements agree.
+const AGREE: f64 = 0.1;
+
 /// Assumptions on a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assumptions {
@@ -86,9 +89,32 @@ impl Assumptions {
         }
     }
 
+    /// Whether two judgements are the same but for rounding.
+    pub fn agree(&self, other: &Self) -> bool {
+        let mut factors = self.noise_factor.iter().zip(&other.noise_factor);
+        let alike = |(a, b): (&f64, &f64)| (a / b).ln().abs() < AGREE;
+        self.excluded_readings == other.excluded_readings
+            && self.excluded_runs == other.excluded_runs
+            && factors.all(alike)
+    }
+
     /// Number of rows that do not belong by what a fit says.
     pub fn rows(&self) -> usize {
         self.excluded_readings.len() + self.excluded_runs.len() - self.contradictory_runs.len()
+    }
+
+    /// The campaign whose stated readings are those that belong, with the uncertainties that the scatter shows.
+    pub fn applied_to_readings(&self, campaign: &Campaign) -> Campaign {
+        let mut campaign = campaign.clone();
+        let mut place = 0..;
+        let excluded = &self.excluded_readings;
+        campaign
+            .readings
+            .retain(|_| !place.next().is_some_and(|place| excluded.contains(&place)));
+        for reading in &mut campaign.readings {
+            reading.sigma_v *= self.factor(Noise::Readings);
+        }
+        campaign
     }
 
     /// The factor of a kind of noise.

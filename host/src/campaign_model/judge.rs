@@ -11,7 +11,7 @@ use super::assumptions::{Assumptions, Noise};
 use super::reference::Reference;
 use crate::campaign::{Campaign, Run};
 use crate::forward::contribution::Observable;
-use crate::median::MEDIAN_TO_SIGMA;
+use crate::median::{SPREAD_OF_SCALE, scale};
 
 /// Distance in standard deviations from which on a row does not belong: by chance one of 1e9.
 const GROSS: f64 = 6.0;
@@ -19,17 +19,20 @@ const GROSS: f64 = 6.0;
 const STILL_GROSS: f64 = 5.0;
 /// Plateaus of a run.
 const PLATEAUS: [Observable; 3] = [Observable::Before, Observable::During, Observable::After];
-/// Most rows of a table that are set aside, as a share and at least.
+/// Most rows of a table that are set aside, as a share; one at least.
 const MOST_SHARE: f64 = 0.05;
-const MOST: usize = 3;
-/// Robust standard deviation of the logarithm of a scale by the median of n moduli, times sqrt n.
-const SPREAD_OF_MEDIAN: f64 = 1.16;
-/// Its standard deviations at which a factor on the noise is called one.
-const CLEAR: f64 = 4.0;
+/// Factor beyond which it is not the noise that a table states too small.
+const MOST_FACTOR: f64 = 5.0;
+/// Standard deviations of its logarithm at which a factor on the noise is taken up. At less the misfit that it leaves, some
+/// 3 standard deviations of chi-square, is no misfit to the search either.
+const CLEAR: f64 = 2.5;
 /// Factor up to which numbers were computed, not measured: no noise is stated so much too large.
 const COMPUTED: f64 = 0.05;
 /// Fewest rows that tell a factor.
 const FEWEST: usize = 8;
+
+/// Most rounds of fit and judgement of a static test.
+const ROUNDS: usize = 4;
 
 /// A row that does not belong.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +68,47 @@ pub fn beforehand(campaign: &Campaign) -> Option<Assumptions> {
     Some(if better { reference } else { command })
 }
 
+/// A static test by itself, under assumptions that agree with what it shows.
+pub struct StaticTest {
+    /// Its model, without runs.
+    pub model: CampaignModel,
+    /// The nominal model's fit.
+    pub fit: Fit,
+    /// What belongs, and how large the noise is.
+    pub assumptions: Assumptions,
+    /// The factor on the stated noise of readings, and its relative standard uncertainty, where there are enough of them.
+    pub scatter: Option<(f64, f64)>,
+}
+
+/// Judges the static test of a campaign. `None` if it determines nothing.
+pub fn static_test(campaign: &Campaign) -> Option<StaticTest> {
+    let alone = Campaign {
+        runs: Vec::new(),
+        ..campaign.clone()
+    };
+    let mut assumed = Assumptions::default();
+    for _ in 0..ROUNDS {
+        let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
+        let fit = fit_base(&model)?;
+        // Smooth functions of the angle take what an effect leaves: it must not pass for rows or noise.
+        let judged = judge(&alone, &model, &fit, true, &assumed);
+        if judged.agree(&assumed) {
+            break;
+        }
+        assumed = judged;
+    }
+    let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
+    let fit = fit_base(&model)?;
+    let smooth = model.flexible();
+    let distances = distances(&model, &fit, &smooth);
+    Some(StaticTest {
+        scatter: scatter(&model, &distances, Noise::Readings, &assumed),
+        model,
+        fit,
+        assumptions: assumed,
+    })
+}
+
 /// What a fit says of the assumptions that it was made under: noise and rows judged by it. `flexible` lets smooth functions
 /// of the conditions take what the fit leaves.
 pub fn judge(
@@ -76,7 +120,7 @@ pub fn judge(
 ) -> Assumptions {
     let mut further: Vec<Column> = Vec::new();
     if flexible {
-        further.extend(model.smooth_families().into_iter().flatten());
+        further.extend(model.flexible());
     }
     let mut judged = Assumptions {
         table_scatters: under.table_scatters,
@@ -91,11 +135,8 @@ pub fn judge(
     loop {
         let distances = distances(model, fit, &further);
         for noise in Noise::ALL {
-            let seen = rows(model, noise)
-                .into_iter()
-                .map(|row| distances[row].abs());
-            let seen: Vec<f64> = seen.filter(|z| *z > 0.0).collect();
-            judged.noise_factor[noise as usize] = factor(seen, under.factor(noise));
+            let found = scatter(model, &distances, noise, under);
+            judged.noise_factor[noise as usize] = found.map_or(1.0, clear_factor);
         }
         let Some((reading, place)) = farthest(campaign, model, &distances, under, &judged) else {
             return judged;
@@ -134,9 +175,8 @@ fn farthest(
                 (false, place),
             )
         });
-    let full = |set_aside: usize, count: usize| {
-        set_aside >= ((MOST_SHARE * count as f64) as usize).max(MOST)
-    };
+    let full =
+        |set_aside: usize, count: usize| set_aside as f64 >= (MOST_SHARE * count as f64).ceil();
     let (distance, row) = readings.chain(runs).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let full = match row.0 {
         true => full(judged.excluded_readings.len(), campaign.readings.len()),
@@ -177,16 +217,29 @@ fn rows(model: &CampaignModel, noise: Noise) -> Vec<usize> {
     all.collect()
 }
 
-/// The factor on the stated noise by moduli of distances under the factor `under`; 1 where it is not clearly another.
-fn factor(mut moduli: Vec<f64>, under: f64) -> f64 {
+/// The factor on a kind of stated noise by the scale of distances, and its relative standard uncertainty; `None` of too few
+/// rows.
+fn scatter(
+    model: &CampaignModel,
+    distances: &[f64],
+    noise: Noise,
+    under: &Assumptions,
+) -> Option<(f64, f64)> {
+    let seen = rows(model, noise)
+        .into_iter()
+        .map(|row| distances[row].abs());
+    let moduli: Vec<f64> = seen.filter(|z| *z > 0.0).collect();
     let n = moduli.len();
     if n < FEWEST {
-        return 1.0;
+        return None;
     }
-    moduli.sort_by(f64::total_cmp);
-    let found = under * MEDIAN_TO_SIGMA * moduli[n / 2];
-    let clear = CLEAR * SPREAD_OF_MEDIAN / (n as f64).sqrt();
-    let told = found > COMPUTED && found.ln().abs() > clear;
+    let found = under.factor(noise) * scale(&moduli)?;
+    Some((found, SPREAD_OF_SCALE / (n as f64).sqrt()))
+}
+
+/// A factor that was found; 1 where it is not clearly another.
+fn clear_factor((found, relative): (f64, f64)) -> f64 {
+    let told = (COMPUTED..MOST_FACTOR).contains(&found) && found.ln().abs() > CLEAR * relative;
     if told { found } else { 1.0 }
 }
 

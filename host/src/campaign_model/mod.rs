@@ -6,13 +6,14 @@ pub mod nuisances;
 pub mod observables;
 mod prediction;
 pub mod reference;
+pub mod response;
 mod smooth;
 
 use inference::model::{Base, Component, Fidelity, Member, Prediction, SeparableModel};
 use inference::observations::{Column, Observations};
 use shared::model::{Coefficients, NOMINAL};
 
-use crate::campaign::{Campaign, DETECTOR_REL_ERROR, Run, VibrationKind};
+use crate::campaign::{Campaign, Run, VibrationKind};
 use crate::effects::{Action, Effect};
 use crate::forward::conditions::{Conditions, Witnesses, seen_ratios};
 use crate::forward::contribution::{Layout, Observable};
@@ -279,12 +280,6 @@ impl CampaignModel {
         blocks
     }
 
-    /// The static readings alone: unknowns of the base.
-    pub fn from_static_readings(&self) -> Option<Vec<f64>> {
-        self.base
-            .solve_within(&self.observations, self.layout.rows(Observable::Static))
-    }
-
     /// Number of directions of the even coefficients that the static readings leave undetermined.
     pub fn blind_directions(&self) -> usize {
         let readings = self.conditions.readings.iter();
@@ -418,7 +413,7 @@ impl SeparableModel for CampaignModel {
         edges.retain(|peak| (from..to).contains(peak));
         edges.extend([from, to]);
         edges.sort_by(f64::total_cmp);
-        edges.dedup_by(|b, a| *b < *a * (1.0 + DETECTOR_REL_ERROR));
+        edges.dedup_by(|b, a| *b < *a * (1.0 + self.conditions.peak_rel_error));
         edges.windows(2).map(|edge| (edge[0], edge[1])).collect()
     }
 

@@ -18,7 +18,7 @@ const GAIN: f64 = 0.01;
 const DETECTOR_GAIN: f64 = 0.005;
 
 /// What a nuisance is.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Bias of a session less that of the first, g.
     Bias,

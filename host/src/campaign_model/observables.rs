@@ -17,16 +17,10 @@ use crate::statics::{bench, covariance};
 use super::assumptions::{Assumptions, Noise};
 use super::reference::Reference;
 
-/// Relative standard uncertainty of the peak detector's excursion, and of what small motions inside the instrument
-/// add to it.
-const EXTREME_REL_SIGMA: f64 = 5e-4;
 /// Least excursion at which an extreme is used, g.
 const EXTREME_LEAST_G: f64 = 0.1;
-/// Uncertainty of a ratio of the reference's axes, and of the moments of a sine, beside the stated one.
-const REFERENCE_SIGMA: f64 = 1e-5;
+/// Uncertainty of the moments of a sine.
 const SHAPE_SIGMA: f64 = 1e-4;
-/// Correlation of noise with a motion over some 1e3 to 1e4 independent values of a record.
-const COHERENT_NOISE: f64 = 0.03;
 /// Standard uncertainty of a reading that does not belong, g: it tells nothing.
 const EXCLUDED_SIGMA_G: f64 = 1e3;
 /// Least variance of a static reading beside all others, g^2: a picog, far below any noise, for readings stated to be exact.
@@ -91,6 +85,7 @@ impl Observer<'_> {
             layout,
             scale_v_per_g: self.scale_v_per_g,
             assumptions: self.assumptions,
+            peak_rel_sigma: campaign.config.peak_rel_sigma(),
             values: layout.nothing(),
             sigma: vec![f64::INFINITY; layout.row_count()],
         };
@@ -163,6 +158,7 @@ struct Seen<'l> {
     layout: &'l Layout,
     scale_v_per_g: f64,
     assumptions: &'l Assumptions,
+    peak_rel_sigma: f64,
     values: Contribution,
     sigma: Vec<f64>,
 }
@@ -192,8 +188,8 @@ impl Seen<'_> {
         };
         // Nobody knows a random record's peaks beforehand: what is observed is by how much they pass a limit, nothing.
         let (sigma, seen) = match run.kind {
-            VibrationKind::Sine => (EXTREME_REL_SIGMA * excursion, 1.0),
-            VibrationKind::Random => (4.0 * EXTREME_REL_SIGMA * excursion, 0.0),
+            VibrationKind::Sine => (self.peak_rel_sigma * excursion, 1.0),
+            VibrationKind::Random => (4.0 * self.peak_rel_sigma * excursion, 0.0),
         };
         let [least_g, most_g] = extremes.over(scale);
         self.put(Observable::Maximum, row, seen * most_g, sigma);
@@ -203,18 +199,15 @@ impl Seen<'_> {
     /// What the reference says of the command, and of a sine's shape.
     fn reference(&mut self, row: usize, run: &Run, reference: &Reference, level_excess: f64) {
         let Some(seen) = &run.reference else { return };
-        let Some(ratios) = seen_ratios(&RunConditions::from(run), Some(seen)) else {
+        let conditions = RunConditions::from(run);
+        let Some(ratios) = seen_ratios(&conditions, Some(seen)) else {
             return;
         };
         for axis in 0..3 {
-            // What of its noise happens to go with the motion: a part of 1/sqrt of the record's independent values.
-            let noise = COHERENT_NOISE * reference.noise_g / run.level_g;
             // Where table and reference cannot be told apart, what is left of the table's scatter is still in the ratio.
-            let scatter = reference
-                .scatter
-                .hypot(reference.table_scatter.min(reference.scatter));
-            let sigma = (scatter * ratios[axis]).hypot(REFERENCE_SIGMA).hypot(noise);
-            let off = ratios[axis] - run.direction[axis] * (1.0 + level_excess);
+            let left = reference.table_scatter.min(reference.scatter) * ratios[axis];
+            let sigma = reference.ratio_sigma(&conditions, ratios[axis]).hypot(left);
+            let off = ratios[axis] / (1.0 + level_excess) - run.direction[axis];
             self.put(Observable::Reference, 3 * row + axis, off, sigma);
         }
         if run.kind == VibrationKind::Sine {

@@ -223,10 +223,14 @@ impl CampaignModel {
             let h = motion.second_harmonic;
             // The harmonic adds its own power, h^2.
             let rms = (1.0 + h * h).sqrt();
+            let level_g = run.level_g * (1.0 + self.witnesses.level_excess[row].0);
             for axis in 0..3 {
-                let ratio = motion.amplitude_g[axis] / run.level_g * rms;
-                let expected = run.direction[axis] * (1.0 + self.witnesses.level_excess[row].0);
-                seen.add(Observable::Reference, 3 * row + axis, ratio - expected);
+                let ratio = motion.amplitude_g[axis] / level_g * rms;
+                seen.add(
+                    Observable::Reference,
+                    3 * row + axis,
+                    ratio - run.direction[axis],
+                );
             }
             // M[(sin x - h cos 2x)^3] = 3h/4, M[..^4] = 3/8 (1 + 4 h^2 + h^4), over the rms value's powers.
             let (h2, power) = (h * h, 0.5 * (1.0 + h * h));

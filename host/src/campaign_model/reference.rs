@@ -1,6 +1,7 @@
 //! The reference accelerometer as an instrument with errors of its own: noise, a scatter from run to run, a gain for each
 //! axis, cross-sensitivity. How large they are is stated, or estimated from all runs together.
 
+use super::response::{Response, Seen};
 use crate::campaign::{Campaign, Run};
 use crate::forward::conditions::seen_ratios;
 use crate::forward::rows::RunConditions;
@@ -13,6 +14,10 @@ const MOST_GAIN: f64 = 0.02;
 /// Component of the direction from which on an axis tells its gain, and up to which it is at rest.
 const TELLING: f64 = 0.3;
 const AT_REST: f64 = 1e-6;
+/// Uncertainty of a ratio of the reference's axes beside its scatter and noise.
+const RATIO_SIGMA: f64 = 1e-5;
+/// Correlation of noise with a motion over some 1e3 to 1e4 independent values of a record.
+const COHERENT_NOISE: f64 = 0.03;
 /// Fewest runs of one direction that tell a scatter.
 const FEWEST_ALIKE: usize = 3;
 /// Fewest pairs of axes that tell the reference's own scatter.
@@ -31,8 +36,8 @@ pub struct Reference {
     pub scatter: f64,
     /// Relative scatter of the table's level about its command.
     pub table_scatter: f64,
-    /// Direction, axis, and the usual ratio of the reference to the command there, less 1.
-    usual: Usual,
+    /// What its axes read of a motion.
+    pub response: Response,
     /// Relative standard uncertainty of each axis's gain, and of the table's level for a given command.
     pub gain_sigma: f64,
     /// Standard uncertainty of the sensitivity of an axis to motion along another one.
@@ -53,7 +58,7 @@ impl Reference {
             return None;
         }
         let noise_g = shaker.reference_noise_g.unwrap_or_else(|| noise_g(&made));
-        let seen: Vec<(RunConditions, [f64; 3])> = made
+        let ratios: Vec<(RunConditions, [f64; 3])> = made
             .iter()
             .filter_map(|run| {
                 let conditions = RunConditions::from(*run);
@@ -63,25 +68,32 @@ impl Reference {
                 ))
             })
             .collect();
-        let (usual, total) = usual(&seen);
-        let (scatter, table_scatter) = split(total, own_scatter(&seen), stated);
-        let cross = cross_sensitivities(&seen);
+        let total = total_scatter(&ratios);
+        let (scatter, table_scatter) = split(total, own_scatter(&ratios), stated);
+        let noisy = Self {
+            noise_g,
+            scatter,
+            table_scatter,
+            ..Self::default()
+        };
+        let seen = ratios.iter().map(|(run, ratios)| noisy.seen(run, *ratios));
+        let seen: Vec<Seen> = seen.collect();
+        let response = Response::of(&seen, table_scatter);
+        let cross = response.crosses();
         let root_mean_square = |values: &[f64]| {
             (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
         };
         Some(Self {
-            noise_g,
-            scatter,
-            table_scatter,
             gain_sigma: shaker
                 .reference_gain_rel_sigma
-                .unwrap_or_else(|| (FEW * root_mean_square(&gains(&usual))).min(MOST_GAIN)),
-            usual,
+                .unwrap_or_else(|| (FEW * root_mean_square(&response.gains())).min(MOST_GAIN)),
+            response,
             cross_sigma: root_mean_square(&cross).min(
                 shaker
                     .reference_cross_sensitivity
                     .unwrap_or(CROSS_SENSITIVITY),
             ),
+            ..noisy
         })
     }
 }
@@ -108,21 +120,16 @@ fn noise_g(runs: &[&Run]) -> f64 {
     middle(incoherent)
 }
 
-/// Direction and axis, with the usual ratio of the reference to the command there.
-type Usual = Vec<([f64; 3], usize, f64)>;
-
-/// The usual ratio of reference to command, less 1, of each axis that moves in each direction; and the scatter about it.
-fn usual(seen: &[(RunConditions, [f64; 3])]) -> (Usual, f64) {
-    let mut usual: Usual = Vec::new();
+/// The scatter of the ratio of reference to command about its middle value in each direction and axis.
+fn total_scatter(seen: &[(RunConditions, [f64; 3])]) -> f64 {
+    let mut known: Vec<([f64; 3], usize)> = Vec::new();
     let mut off = Vec::new();
     for (run, _) in seen {
         for axis in (0..3).filter(|&axis| run.direction[axis].abs() > TELLING) {
-            if usual
-                .iter()
-                .any(|(direction, known, _)| (*direction, *known) == (run.direction, axis))
-            {
+            if known.contains(&(run.direction, axis)) {
                 continue;
             }
+            known.push((run.direction, axis));
             let alike = seen
                 .iter()
                 .filter(|(other, _)| other.direction == run.direction);
@@ -133,26 +140,9 @@ fn usual(seen: &[(RunConditions, [f64; 3])]) -> (Usual, f64) {
             if errors.len() >= FEWEST_ALIKE {
                 off.extend(errors.iter().map(|error| (error - middle).abs()));
             }
-            usual.push((run.direction, axis, middle));
         }
     }
-    (usual, MEDIAN_TO_SIGMA * middle(off))
-}
-
-/// The relative gain error of each axis that moves in some run: by runs along it alone, where there are any.
-fn gains(usual: &Usual) -> Vec<f64> {
-    let of_axis = |axis: usize| {
-        let of = |least: f64| {
-            let told = usual
-                .iter()
-                .filter(|(direction, of, _)| *of == axis && direction[axis].abs() > least);
-            told.map(|(.., error)| *error).collect::<Vec<f64>>()
-        };
-        let alone = of(1.0 - AT_REST);
-        let errors = if alone.is_empty() { of(0.0) } else { alone };
-        (!errors.is_empty()).then(|| middle(errors))
-    };
-    (0..3).filter_map(of_axis).collect()
+    MEDIAN_TO_SIGMA * middle(off)
 }
 
 /// The scatter that is the reference's own: by which two moving axes of one run differ beyond their gains. `None` with too
@@ -212,43 +202,31 @@ impl Reference {
         }
     }
 
+    /// Standard deviation of what an axis reads over the level of a run, its gain and cross-sensitivity left out.
+    pub fn ratio_sigma(&self, run: &RunConditions, ratio: f64) -> f64 {
+        // What of its noise happens to go with the motion: a part of 1/sqrt of the record's independent values.
+        let noise = COHERENT_NOISE * self.noise_g / run.level_g;
+        (self.scatter * ratio).hypot(RATIO_SIGMA).hypot(noise)
+    }
+
+    fn seen(&self, run: &RunConditions, ratios: [f64; 3]) -> Seen {
+        Seen {
+            direction: run.direction,
+            ratios,
+            sigma: ratios.map(|ratio| self.ratio_sigma(run, ratio)),
+        }
+    }
+
     /// The table's level over its command, less 1, as reference and command together have it, and its variance.
     pub fn level_excess(&self, run: &RunConditions, ratios: Option<[f64; 3]>) -> (f64, f64) {
-        let (table, own) = (self.table_scatter.powi(2), self.scatter.powi(2));
-        let (Some(ratios), true) = (ratios, table > 0.0) else {
+        if self.table_scatter == 0.0 {
             return (0.0, 0.0);
+        }
+        let Some(ratios) = ratios else {
+            return (0.0, self.table_scatter.powi(2));
         };
-        let (mut sum, mut total) = (0.0, 0.0);
-        for (_, axis, usual) in self.usual.iter().filter(|(d, ..)| *d == run.direction) {
-            let weight = run.direction[*axis].powi(2);
-            sum += weight * (ratios[*axis] / run.direction[*axis] - 1.0 - usual);
-            total += weight;
-        }
-        if total == 0.0 {
-            return (0.0, table);
-        }
-        (
-            sum / total * table / (table + own),
-            table * own / (table + own),
-        )
+        let seen = self.seen(run, ratios);
+        let (error, _) = self.response.level(&seen, self.table_scatter);
+        (error, Response::level_variance(&seen, self.table_scatter))
     }
-}
-
-/// What axes at rest show of the motion along another one.
-fn cross_sensitivities(seen: &[(RunConditions, [f64; 3])]) -> Vec<f64> {
-    let mut found = Vec::new();
-    for axis in 0..3 {
-        for other in (0..3).filter(|&other| other != axis) {
-            let alone = seen
-                .iter()
-                .filter(|(run, _)| run.direction[other].abs() > 1.0 - AT_REST);
-            let parts: Vec<f64> = alone
-                .map(|(run, ratios)| ratios[axis] / run.direction[other])
-                .collect();
-            if !parts.is_empty() {
-                found.push(middle(parts));
-            }
-        }
-    }
-    found
 }

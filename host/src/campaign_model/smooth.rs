@@ -13,12 +13,51 @@ use crate::forward::rows::RunConditions;
 const DIRECTIONS: usize = 8;
 /// Middle of the frequencies that a shaker covers, Hz.
 const CENTRE_HZ: f64 = 200.0;
+/// Axes whose product a law of frequency may go with.
+const PAIRS_OF_AXES: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
+const ALL_SERIES: [Series; 3] = [Series::OutputAxis, Series::PendulousAxis, Series::InputAxis];
 /// Plateaus of a run.
 const PLATEAUS: [Observable; 3] = [Observable::Before, Observable::During, Observable::After];
 
 impl CampaignModel {
-    /// Columns by family: frequency by direction, level by attitude, time, temperature, dial angle, exposure.
+    /// Columns by family, each a shape that one thing which the catalogue lacks might have: a law of frequency for each pair of
+    /// axes, and one for each direction; a law of level for each axis, for all of them, for each attitude along IA; time,
+    /// temperature, dial angle in each series and in all, exposure.
     pub(super) fn families(&self) -> Vec<Vec<Column>> {
+        let s = &self.conditions;
+        let mut families = Vec::new();
+        for [a, b] in PAIRS_OF_AXES {
+            families.push(self.by_frequency_of(|run| run.direction[a] * run.direction[b]));
+        }
+        for axis in 0..3 {
+            families.push(self.by_level_of(|run| run.direction[axis].abs()));
+        }
+        families.push(self.by_level_of(|_| 1.0));
+        families.extend(self.flexible_families());
+        let by_series = by_dial_angle(s, &self.layout);
+        let waves = by_series.len() / ALL_SERIES.len();
+        for series in by_series.chunks(waves) {
+            families.push(series.to_vec());
+        }
+        let in_all = (0..waves).map(|wave| {
+            let mut sum = self.layout.nothing();
+            for series in by_series.chunks(waves) {
+                sum.column.add(&series[wave].column);
+            }
+            sum
+        });
+        families.push(in_all.collect());
+        let whitened = families.into_iter().map(|family| self.whitened(family));
+        whitened.filter(|family| !family.is_empty()).collect()
+    }
+
+    /// Columns that together take what hardly any smooth law of the conditions leaves.
+    pub(super) fn flexible(&self) -> Vec<Column> {
+        let families = self.flexible_families().into_iter();
+        families.flat_map(|family| self.whitened(family)).collect()
+    }
+
+    fn flexible_families(&self) -> [Vec<Contribution>; 6] {
         let families = [
             by_frequency,
             by_level,
@@ -27,14 +66,41 @@ impl CampaignModel {
             by_dial_angle,
             by_exposure,
         ];
-        let whitened = |family: fn(&Conditions, &Layout) -> Vec<Contribution>| {
-            let columns = family(&self.conditions, &self.layout).into_iter();
-            columns
-                .map(|added| self.observations.whiten(added.column))
-                .filter(|column| column.values.iter().any(|&v| v != 0.0))
-                .collect()
+        families.map(|family| family(&self.conditions, &self.layout))
+    }
+
+    fn whitened(&self, family: Vec<Contribution>) -> Vec<Column> {
+        let columns = family.into_iter();
+        columns
+            .map(|added| self.observations.whiten(added.column))
+            .filter(|column| column.values.iter().any(|&v| v != 0.0))
+            .collect()
+    }
+
+    /// Powers of the frequency's logarithm, in proportion to the mean square times a factor of the run's direction.
+    fn by_frequency_of(&self, factor: impl Fn(&RunConditions) -> f64) -> Vec<Contribution> {
+        let of_order = |order: i32| {
+            self.during(|run| {
+                let log = (run.centre_hz().max(1.0) / CENTRE_HZ).ln();
+                factor(run) * run.mean_square_g2() * log.powi(order)
+            })
         };
-        families.map(whitened).into()
+        (0..4).map(of_order).collect()
+    }
+
+    /// Powers of the rms level times a factor of the run's direction.
+    fn by_level_of(&self, factor: impl Fn(&RunConditions) -> f64) -> Vec<Contribution> {
+        let of_order =
+            |order: i32| self.during(|run| (factor(run) * run.mean_square_g2().sqrt()).powi(order));
+        (1..5).map(of_order).collect()
+    }
+
+    fn during(&self, value: impl Fn(&RunConditions) -> f64) -> Contribution {
+        let mut added = self.layout.nothing();
+        for (row, run) in self.conditions.runs.iter().enumerate() {
+            added.add(Observable::During, row, value(run));
+        }
+        added
     }
 }
 
@@ -131,7 +197,7 @@ fn by_temperature(s: &Conditions, layout: &Layout) -> Vec<Contribution> {
 /// Harmonics of the dial angle in each series.
 fn by_dial_angle(s: &Conditions, layout: &Layout) -> Vec<Contribution> {
     let mut family = Vec::new();
-    for series in [Series::OutputAxis, Series::PendulousAxis, Series::InputAxis] {
+    for series in ALL_SERIES {
         for order in 0..5 {
             for wave in [f64::cos, f64::sin] {
                 let mut added = layout.nothing();

@@ -9,13 +9,13 @@ use shared::compensate::{self, Calibration};
 use shared::model::FURTHER_NAMES;
 use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
 use shared::stated_errors::StatedErrors;
-use shared::wire::configuration::{Certified, Configuration, Provenance};
+use shared::wire::configuration::{Certified, Configuration, Date, Provenance};
 use shared::wire::message::StoreFault;
 
 use super::{Command, Console, positive};
 use crate::campaign::Campaign;
 use crate::configuration::{configuration, provenance};
-use crate::diagnose::{Diagnosis, Verdict};
+use crate::diagnose::{Diagnosis, Verdict, static_test};
 use crate::error::Error;
 use crate::front_end::FrontEnd;
 use crate::link::{Kept, Link};
@@ -127,10 +127,35 @@ enum Source {
 #[derive(Serialize)]
 struct Shown {
     configuration: Option<Configuration>,
-    provenance: Option<Provenance>,
+    provenance: Option<Origin>,
     errors: Option<StatedErrors<f32>>,
     writes: u32,
     fault: Option<StoreFault>,
+}
+
+/// Whose coefficients these are, as text.
+#[derive(Serialize)]
+struct Origin {
+    serial: String,
+    /// Year, month, day.
+    date: String,
+    /// SHA-256 of its files, hexadecimal.
+    campaign: String,
+    temperature_c: Option<[f32; 2]>,
+    accepted_by: Option<[u8; 3]>,
+}
+
+impl From<Provenance> for Origin {
+    fn from(known: Provenance) -> Self {
+        let Date { year, month, day } = known.date;
+        Self {
+            serial: known.serial.as_str().into(),
+            date: format!("{year:04}-{month:02}-{day:02}"),
+            campaign: known.campaign.iter().map(|b| format!("{b:02x}")).collect(),
+            temperature_c: known.temperature_c,
+            accepted_by: known.accepted_by,
+        }
+    }
 }
 
 impl Configure {
@@ -139,7 +164,10 @@ impl Configure {
         let campaign = Campaign::read(folder)?.used();
         let known = match &self.diagnosis {
             Some(file) => diagnosed(file, &campaign)?,
-            None => identify(&campaign, Method::LeastSquares, None)?.calibration(),
+            None => {
+                let belonging = static_test(&campaign).belonging;
+                identify(&belonging, Method::LeastSquares, None)?.calibration()
+            }
         };
         let acquisition = &campaign.config.acquisition;
         let (front_end, stated) = match self.divider {
@@ -275,7 +303,10 @@ impl Command for Configure {
         console.print(text(&kept))?;
         console.json(&Shown {
             configuration: kept.certified.map(|kept| kept.configuration),
-            provenance: kept.certified.and_then(|kept| kept.provenance),
+            provenance: kept
+                .certified
+                .and_then(|kept| kept.provenance)
+                .map(Origin::from),
             errors: kept.certified.map(|kept| kept.errors),
             writes: kept.writes,
             fault: kept.fault,
@@ -295,26 +326,19 @@ fn sigma(covariance: &Covariance<f32>, n: usize) -> String {
     format!("  sigma {:.1e}\n", covariance.get(n, n).sqrt())
 }
 
-fn provenance_text(provenance: Option<&Provenance>) -> String {
+fn provenance_text(provenance: Option<Provenance>) -> String {
     let Some(known) = provenance else {
         return "Nobody says whose coefficients these are.\n".into();
     };
-    let date = known.date;
-    let mut text = format!(
-        "Instrument {}, sent on {:04}-{:02}-{:02}",
-        known.serial.as_str(),
-        date.year,
-        date.month,
-        date.day
-    );
+    let known = Origin::from(known);
+    let mut text = format!("Instrument {}, sent on {}", known.serial, known.date);
     if let Some([major, minor, patch]) = known.accepted_by {
         let _ = write!(text, ", accepted by firmware {major}.{minor}.{patch}");
     }
     if let Some([low, high]) = known.temperature_c {
         let _ = write!(text, ", calibrated from {low} to {high} deg C");
     }
-    let hash: String = known.campaign.iter().map(|b| format!("{b:02x}")).collect();
-    let _ = writeln!(text, ".\nCampaign {hash}.");
+    let _ = writeln!(text, ".\nCampaign {}.", known.campaign);
     text
 }
 
@@ -326,7 +350,7 @@ fn text(kept: &Kept) -> String {
         compensation,
         calibration,
     } = certified.configuration;
-    let mut text = provenance_text(certified.provenance.as_ref());
+    let mut text = provenance_text(certified.provenance);
     match compensation.mode {
         None => text.push_str("The instrument does not compensate.\n"),
         Some(mode) => {

@@ -72,7 +72,7 @@ fn truth_by_name(truth: &[f64; NOMINAL]) -> serde_json::Map<String, serde_json::
 }
 
 impl Demo {
-    fn text(&self, captured: &Captured, report: &Report<'_>, truth: &[f64; NOMINAL]) -> String {
+    fn text(&self, captured: &Captured, report: &Report, truth: &[f64; NOMINAL]) -> String {
         let tally = &captured.tally;
         let mut text = format!(
             "Recorded {} frames in {:.1} MB, {} samples in blocks, {} missing.\n\n",

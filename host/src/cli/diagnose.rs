@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Command, Console, read_campaign};
+use super::{Command, Console, RowName, read_campaign};
 use crate::contradictions;
 use crate::diagnose::diagnose;
 use crate::error::Error;
@@ -23,6 +23,9 @@ pub struct Diagnose {
     /// Write a page with pictures
     #[arg(long, value_name = "FILE.html")]
     html: Option<PathBuf>,
+    /// Leave a row out, by its line in a table, as static.csv:12 or vibration.csv:30 (repeatable)
+    #[arg(long, value_name = "TABLE:ROW")]
+    exclude: Vec<RowName>,
     /// Go on although columns contradict each other in all rows of a kind, as level_g and ref_*_rms_g by a unit
     #[arg(long)]
     accept_contradictions: bool,
@@ -30,7 +33,7 @@ pub struct Diagnose {
 
 impl Command for Diagnose {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = read_campaign(&self.campaign, console)?;
+        let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
         let accepted = self.accept_contradictions;
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
             console.print(format!("vibration.csv, {contradiction}"))?;

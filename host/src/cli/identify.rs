@@ -4,16 +4,20 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use serde::Serialize;
 use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
-use super::{Command, Console, read_campaign};
+use super::{Command, Console, RowName, read_campaign};
+use crate::diagnose::answer::{NoiseFactor, SuspectRow};
+use crate::diagnose::{StaticTest, static_test};
 use crate::error::Error;
+use crate::report;
 use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  vre identify campaigns/S01000 --json coefficients.json")]
+#[command(after_help = "Example:\n  vre identify campaigns/S01000 --json coefficients.json\n  vre identify campaigns/S01000 --exclude 12")]
 pub struct Identify {
     /// Folder of the campaign
     campaign: PathBuf,
@@ -24,15 +28,52 @@ pub struct Identify {
     /// plan leaves blind, by assumption
     #[arg(long, value_name = "SIGMA", value_parser = super::positive)]
     prior_sigma: Option<f64>,
+    /// Leave a row of static.csv out, by its line in the file (repeatable)
+    #[arg(long, value_name = "ROW")]
+    exclude: Vec<RowName>,
+    /// Take every reading, and its uncertainty as it is stated, whatever the other readings say of it
+    #[arg(long)]
+    as_stated: bool,
+}
+
+/// The coefficients, and what the readings say of each other.
+#[derive(Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    identification: &'a Identification,
+    suspects: &'a [SuspectRow],
+    noise: &'a [NoiseFactor],
 }
 
 impl Command for Identify {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = read_campaign(&self.campaign, console)?;
-        let identification = identify(&campaign, self.method, self.prior_sigma)?;
+        let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
+        let mut judged = static_test(&campaign);
+        // The closed formulas need every reading of the plan, and know no uncertainty of one.
+        if self.as_stated || self.method == Method::ClosedForm {
+            judged.belonging = campaign;
+            for suspect in &mut judged.suspects {
+                suspect.set_aside = false;
+            }
+        }
+        let identification = identify(&judged.belonging, self.method, self.prior_sigma)?;
+        console.print(belonging(&judged))?;
         console.print(text(&identification))?;
-        console.json(&identification)
+        console.json(&Answer {
+            identification: &identification,
+            suspects: &judged.suspects,
+            noise: &judged.noise,
+        })
     }
+}
+
+/// What the readings say of each other, a line each.
+fn belonging(judged: &StaticTest) -> String {
+    let mut text = report::belonging(&judged.suspects, &judged.noise);
+    if !text.is_empty() {
+        text.push('\n');
+    }
+    text
 }
 
 fn text(found: &Identification) -> String {

@@ -46,7 +46,7 @@ pub struct Measure {
     time_unit: TimeUnit,
     /// Scale factor: counts or volts a g; of a record of frames, V/g at the converter's input, behind all dividers of the
     /// front end: 0.12 for an instrument of 1.2 V/g behind a divider by 10
-    #[arg(long, value_name = "UNITS_PER_G", default_value = "1", value_parser = scale)]
+    #[arg(long, value_name = "UNITS_PER_G", default_value = "1", value_parser = scale, allow_negative_numbers = true)]
     scale: f64,
     /// Where the output clips, g
     #[arg(long, value_name = "G", value_parser = super::positive)]
@@ -64,11 +64,11 @@ pub struct Measure {
 
 /// What no instrument and no unit comes near is a slip of the pen.
 fn scale(text: &str) -> Result<f64, String> {
-    let scale = super::positive(text)?;
-    let sound = (1e-12..=1e12).contains(&scale);
-    sound
-        .then_some(scale)
-        .ok_or_else(|| "is outside of 1e-12 to 1e12".into())
+    match text.parse::<f64>() {
+        Ok(scale) if (1e-12..=1e12).contains(&scale.abs()) => Ok(scale),
+        Ok(_) => Err("is outside of 1e-12 to 1e12".into()),
+        Err(_) => Err("is not a number".into()),
+    }
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]

@@ -106,9 +106,67 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-/// The campaign in `folder` as it is used. Tells what is odd about it, and how many of its rows are excluded.
-fn read_campaign(folder: &Path, console: &Console) -> Result<Campaign, Error> {
-    let campaign = Campaign::read(folder)?;
+/// A row that is left out: its line of a table, `static.csv:12`; without a table's name of static.csv.
+#[derive(Clone, Debug)]
+struct RowName {
+    table: String,
+    line: u64,
+}
+
+impl std::str::FromStr for RowName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (table, line) = text.rsplit_once(':').unwrap_or(("static.csv", text));
+        if !["static.csv", "vibration.csv"].contains(&table) {
+            return Err(
+                "the tables are static.csv and vibration.csv, as in vibration.csv:12".into(),
+            );
+        }
+        let line = line
+            .parse()
+            .map_err(|_| "not a line of a table".to_owned())?;
+        Ok(Self {
+            table: table.into(),
+            line,
+        })
+    }
+}
+
+/// Excludes rows of a campaign that was read.
+fn exclude(campaign: &mut Campaign, folder: &Path, rows: &[RowName]) -> Result<(), Error> {
+    for RowName { table, line } in rows {
+        let mark = match table.as_str() {
+            "static.csv" => {
+                let mut readings = campaign.readings.iter_mut();
+                readings.find(|r| r.line == *line).map(|r| &mut r.exclude)
+            }
+            _ => {
+                let mut runs = campaign.runs.iter_mut();
+                runs.find(|r| r.line == *line).map(|r| &mut r.exclude)
+            }
+        };
+        let nothing = || {
+            Error::Usage(format!(
+                "--exclude: {} has no row {line}",
+                folder.join(table).display()
+            ))
+        };
+        *mark.ok_or_else(nothing)? = true;
+    }
+    if campaign.readings.iter().all(|reading| reading.exclude) {
+        return Err(Error::Usage(
+            "--exclude: no reading of static.csv is left".into(),
+        ));
+    }
+    Ok(())
+}
+
+/// The campaign in `folder` as it is used, without further rows. Tells what is odd about it, and how many of its rows are
+/// excluded.
+fn read_campaign(folder: &Path, without: &[RowName], console: &Console) -> Result<Campaign, Error> {
+    let mut campaign = Campaign::read(folder)?;
+    exclude(&mut campaign, folder, without)?;
     let (readings, runs) = campaign.excluded();
     let campaign = campaign.used();
     for oddity in campaign.oddities() {

@@ -14,7 +14,7 @@ use super::identify::{condition, sum};
 use super::{Command, Console, positive, read_campaign};
 use crate::campaign::read_plan;
 use crate::error::Error;
-use crate::prediction::DEFAULT_PRIOR_SIGMA;
+use crate::statics::DEFAULT_PRIOR_SIGMA;
 use crate::statics::{
     self, Assessment, Conditions, Environment, NAMES, assess, best_plan, positions_to_add,
     twice_and_remounted,
@@ -236,7 +236,7 @@ impl Plan {
             "paper" => paper_plan().collect(),
             "full" => full_rank_plan().collect(),
             _ if path.is_dir() => {
-                let campaign = read_campaign(path, console)?;
+                let campaign = read_campaign(path, &[], console)?;
                 conditions.bench = statics::bench(&campaign.config.bench);
                 let k1 = campaign.config.instrument.scale_factor_nominal_v_per_g;
                 let n = campaign.readings.len() as f64;

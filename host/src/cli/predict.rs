@@ -3,15 +3,15 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::{Command, Console, read_campaign};
+use super::{Command, Console, RowName, read_campaign};
 use crate::campaign::{Run, read_runs};
 use crate::contradictions;
 use crate::diagnose::Diagnosis;
 use crate::error::Error;
-use crate::prediction::{DEFAULT_PRIOR_SIGMA, Prediction, predict};
+use crate::prediction::{Prediction, predict};
 use crate::refit::predict_refitted;
 use crate::report;
-use crate::statics::scatter_warning;
+use crate::statics::{DEFAULT_PRIOR_SIGMA, scatter_warning};
 
 /// Predict the vibration error of shaker runs from the static test, and from static test and shaker together
 #[derive(clap::Args)]
@@ -32,6 +32,9 @@ pub struct Predict {
     /// Add the effects that `vre diagnose --json` found in the campaign
     #[arg(long, value_name = "FILE.json")]
     diagnosis: Option<PathBuf>,
+    /// Leave a row out, by its line in a table, as static.csv:12 or vibration.csv:30 (repeatable)
+    #[arg(long, value_name = "TABLE:ROW")]
+    exclude: Vec<RowName>,
     /// Go on although columns contradict each other in all rows of a kind, as level_g and ref_*_rms_g by a unit
     #[arg(long)]
     accept_contradictions: bool,
@@ -39,7 +42,7 @@ pub struct Predict {
 
 impl Command for Predict {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = read_campaign(&self.campaign, console)?;
+        let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
         let accepted = self.accept_contradictions;
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
             console.print(format!("vibration.csv, {contradiction}"))?;

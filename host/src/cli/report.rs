@@ -19,7 +19,7 @@ pub struct Report {
 
 impl Command for Report {
     fn run(self, console: &Console) -> Result<(), Error> {
-        let campaign = read_campaign(&self.campaign, console)?;
+        let campaign = read_campaign(&self.campaign, &[], console)?;
         let report = report::write(&campaign, &self.out)?;
         console.print(format!(
             "{}\n{}",

@@ -2,7 +2,7 @@
 
 use super::robust::FEWEST;
 use super::{ANY_REFERENCE, Contradiction, LEAST_RMS_G, REFERENCE, commanded_rms_g, driven, runs};
-use crate::campaign::{Campaign, DETECTOR_REL_ERROR, Run};
+use crate::campaign::{Campaign, Run};
 
 /// A cell of vibration.csv that cannot be.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +21,7 @@ const LEAVE_EMPTY: &str = "leave the cell empty where nothing was measured";
 /// The first cell that cannot be: a reference of 0 on a driven axis, extremes beyond the mean between them.
 pub fn impossible(campaign: &Campaign) -> Option<Impossible> {
     runs(campaign).find_map(|(place, run)| {
-        let (column, problem) = zero_reference(run).or_else(|| extremes(run))?;
+        let (column, problem) = zero_reference(run).or_else(|| extremes(campaign, run))?;
         Some(Impossible {
             place,
             column,
@@ -41,14 +41,15 @@ fn zero_reference(run: &Run) -> Option<(&'static str, String)> {
 /// Standard uncertainties of a mean by which it may lie beyond an extreme.
 const SIGMAS: f64 = 10.0;
 
-fn extremes(run: &Run) -> Option<(&'static str, String)> {
+fn extremes(campaign: &Campaign, run: &Run) -> Option<(&'static str, String)> {
     let measured = run.measured?;
     let (found, mean_v) = (measured.extremes?, measured.during_v);
     if !driven(run).any(|axis| axis == 0) || commanded_rms_g(run) < LEAST_RMS_G {
         return None;
     }
+    let peak_rel_error = campaign.config.peak_rel_error();
     let size_v = found.minimum_v.abs().max(found.maximum_v.abs());
-    let allowed_v = DETECTOR_REL_ERROR * size_v + SIGMAS * measured.sigma_v;
+    let allowed_v = peak_rel_error * size_v + SIGMAS * measured.sigma_v;
     let mean = format!("the mean u_during_v = {mean_v}: {LEAVE_EMPTY}");
     if found.minimum_v > mean_v + allowed_v {
         Some(("u_min_v", format!("{} is above {mean}", found.minimum_v)))

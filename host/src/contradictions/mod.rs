@@ -157,7 +157,7 @@ pub fn check(
     };
     if let Some(cell) = impossible(campaign) {
         return Err(Error::Input {
-            place: place(Some(line(cell.place)), cell.column),
+            place: place(Some(campaign.runs[cell.place].line), cell.column),
             problem: Problem::Other(cell.problem),
         });
     }
@@ -180,11 +180,6 @@ pub fn check(
         }
         _ => Ok(found),
     }
-}
-
-/// Line in the file of the row at a place; the header is 1.
-fn line(place: usize) -> u64 {
-    place as u64 + 2
 }
 
 /// Least direction cosine of an axis that counts as driven: motion across the drive has no more.

@@ -4,7 +4,6 @@ use shared::model::SpecificForce;
 use shared::tumble::{Position, Series, within_a_turn};
 
 use super::likely::typed;
-use super::line;
 use crate::campaign::{Campaign, Reading, Run};
 
 /// Standard deviations within which a slip explains an output.
@@ -35,7 +34,7 @@ pub fn slip(
                 && fits(reading.specific_force_g, other.output_v)
                 && !fits(other.specific_force_g, other.output_v)
         });
-        other.map(|other| swap(line(place), line(other)))
+        other.map(|other| swap(reading.line, campaign.readings[other].line))
     };
     let expected_v = output_v(reading.specific_force_g);
     swapped()
@@ -63,7 +62,7 @@ pub fn slip_of_run(
         let other = campaign.runs.iter().position(|other| {
             shift(other).is_some_and(|v| fits(other, seen_v) && fits(run, v) && !fits(other, v))
         });
-        other.map(|other| swap(line(place), line(other)))
+        other.map(|other| swap(run.line, campaign.runs[other].line))
     };
     let level = || {
         let with = |level_g: &f64| {

@@ -146,6 +146,38 @@ pub struct NoiseFactor {
     pub stated_holds: bool,
 }
 
+/// What shaker, reference and peak detector have of their own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShakerEstimate {
+    /// Noise of each axis of the reference, g rms.
+    pub reference_noise_g: Option<f64>,
+    /// Relative scatter of the reference's rms from run to run, its own.
+    pub reference_scatter: Option<f64>,
+    /// Relative scatter of the table's level about its command.
+    pub table_scatter: Option<f64>,
+    /// Gain of each of the reference's axes over the command's, where runs tell it.
+    pub reference_gain: Vec<AxisEstimate>,
+    /// Sensitivity of the reference's axes to motion along another one; motion of the table across its drive looks the same.
+    pub reference_cross_sensitivity: Vec<AxisEstimate>,
+    /// Level of the table over its command, as the instrument feels it.
+    pub table_level: Option<Estimate>,
+    /// Gain of the peak detector.
+    pub peak_gain: Option<Estimate>,
+}
+
+/// What an axis reads of a motion along one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AxisEstimate {
+    /// Axis that reads: i, p or o.
+    pub axis: String,
+    /// Axis along which the motion is.
+    pub along: String,
+    /// The value.
+    pub value: f64,
+    /// Its standard uncertainty.
+    pub sigma: f64,
+}
+
 /// What a session has of its own, beside the first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SessionEstimate {
@@ -201,6 +233,9 @@ pub struct Diagnosis {
     /// What each session after the first has of its own.
     #[serde(default)]
     pub sessions: Vec<SessionEstimate>,
+    /// What shaker, reference and peak detector have of their own; `None` without runs.
+    #[serde(default)]
+    pub shaker: Option<ShakerEstimate>,
     /// What could not be looked at, and why.
     #[serde(default)]
     pub not_looked_at: Vec<String>,

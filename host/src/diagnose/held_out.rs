@@ -2,33 +2,33 @@
 
 use inference::fit::Fit;
 use inference::model::SeparableModel;
-use inference::search::Search;
-use shared::model::NOMINAL;
 
 use super::answer::Shrink;
 use super::improvement::expected_improvement;
+use super::settle::Settled;
 use crate::campaign::Campaign;
-use crate::campaign_model::CampaignModel;
+use crate::prediction::sensitivity;
 use crate::refit::held_out_errors;
+use crate::statics::fit_determined;
 
 /// Cross-validates a fit against the nominal model; `None` without runs.
-pub(super) fn shrink(
-    campaign: &Campaign,
-    model: &CampaignModel,
-    search: &Search,
-    shown: &Fit,
-) -> Option<Shrink> {
-    let statics = model.from_static_readings()?;
+pub(super) fn shrink(campaign: &Campaign, settled: &Settled, shown: &Fit) -> Option<Shrink> {
+    let Settled { model, search, .. } = settled;
+    let belonging = settled.assumptions.applied_to_readings(campaign);
+    let (statics, _) = fit_determined(&belonging, None).ok()?;
     let refit = held_out_errors(model, &search.null)?;
     let with_effects = held_out_errors(model, shown)?;
     if refit.is_empty() {
         return None;
     }
-    let columns = &model.base().columns;
+    let mut run_of_row = vec![0; campaign.runs.len()];
+    for place in 0..campaign.runs.len() {
+        run_of_row[model.row_of_run(place)] = place;
+    }
     let observed = &model.observations().observed().values;
     let by_statics = |run: usize| {
-        let predicted = (0..NOMINAL).map(|k| statics[k] * model.vre_g(&columns[k].values, run));
-        model.vre_g(observed, run) - predicted.sum::<f64>()
+        let predicted = sensitivity(&campaign.runs[run_of_row[run]]).vre_g(&statics.coefficients);
+        model.vre_g(observed, run) - predicted
     };
     let rms =
         |squares: &mut dyn Iterator<Item = f64>| (squares.sum::<f64>() / refit.len() as f64).sqrt();

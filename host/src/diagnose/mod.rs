@@ -21,11 +21,13 @@ pub mod published;
 mod remarks;
 mod rows;
 mod settle;
+mod static_test;
 mod verdict;
 
 pub use answer::{Compensation, Diagnosis, Verdict};
 pub use onboard::WHY_NOT_CARRIED;
 pub use rows::GapRow;
+pub use static_test::{StaticTest, static_test};
 
 use crate::campaign::Campaign;
 use crate::contradictions::contradictions;
@@ -51,7 +53,7 @@ pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error>
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
     let settled = settle(campaign, &effects).ok_or_else(undetermined)?;
     let best = &settled.search.hypotheses[0].fit;
-    let shrink = held_out::shrink(campaign, &settled.model, &settled.search, best);
+    let shrink = held_out::shrink(campaign, &settled, best);
     let judgement = Judgement::of(&settled.search, shrink.as_ref());
     Ok(Study {
         rows: rows::rows(&settled.model, judgement.shown(&settled.search)),
@@ -83,7 +85,7 @@ fn answer(
     // Where nothing is what is shown, it is held out instead.
     let shrink = match std::ptr::eq(shown, &search.hypotheses[0].fit) {
         true => shrink_of_best,
-        false => held_out::shrink(campaign, model, search, shown),
+        false => held_out::shrink(campaign, settled, shown),
     };
     let shrink = shrink.map(|shrink| shrink.under(verdict));
     let contradictions = contradictions(campaign);
@@ -102,10 +104,11 @@ fn answer(
         similarity: verdict::similarity(model, search),
         compensation: matches!(verdict, Verdict::Explained | Verdict::NoGap)
             .then(|| onboard::compensation(model, shown)),
-        suspects: remarks::suspects(campaign, settled, shown, &contradictions),
+        suspects: remarks::suspect_rows(campaign, &settled.suspects, model, shown, &contradictions),
         contradictions,
-        noise: remarks::noise(settled),
+        noise: settled.noise.iter().map(remarks::noise).collect(),
         sessions: remarks::sessions(model, shown),
+        shaker: remarks::shaker(model, shown),
         not_looked_at: location::not_looked_at(campaign),
     }
 }

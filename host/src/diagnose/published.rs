@@ -219,6 +219,7 @@ fn campaign(row: &Published) -> Campaign {
         sigma_v: EVEN * ROUNDING_1_G * c.scale_factor_v_per_g,
         session: None,
         exclude: false,
+        line: order + 2,
         unknown: Vec::new(),
     });
     let rest = shared::model::SpecificForce::new(0.0, 0.0, 1.0);
@@ -248,6 +249,7 @@ fn campaign(row: &Published) -> Campaign {
         reference: None,
         session: None,
         exclude: false,
+        line: 2,
         unknown: Vec::new(),
     };
     Campaign {

@@ -20,8 +20,6 @@ use crate::forward::contribution::Observable;
 const FEW_ROWS: usize = 3;
 /// Most rounds of search and judgement.
 const ROUNDS: usize = 3;
-/// Change of a factor's logarithm up to which two judgements agree.
-const AGREE: f64 = 0.1;
 /// Prior probability of an error of hand in a row, and the width of such errors in standard deviations (half, of a Cauchy
 /// distribution).
 const PRIOR_GROSS: f64 = 2e-3;
@@ -33,6 +31,7 @@ const EXCLUDED_OVER_STATED: f64 = 1e9;
 pub(super) struct Settled {
     pub(super) model: CampaignModel,
     pub(super) search: Search,
+    pub(super) assumptions: Assumptions,
     /// Rows that do not belong, with their distance in standard deviations.
     pub(super) suspects: Vec<Suspect>,
     /// Each kind of noise: the factor on its stated size by what the answer leaves, and its relative standard uncertainty.
@@ -44,19 +43,19 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
     let stated = beforehand(campaign)?;
     let mut best = attempt(campaign, effects, stated.clone())?;
     let by_answer = judge(campaign, &best.model, best.fit(), false, &stated);
-    let agreed = agree(&by_answer, &stated);
+    let agreed = by_answer.agree(&stated);
     if !agreed || !best.fit().members.is_empty() {
         // Effects may have been found for a few bad rows, or bad rows hidden by effects that are none.
         let plain = CampaignModel::assuming(campaign, &[], effects, &stated);
         let flexible = judge(campaign, &plain, &fit_base(&plain)?, true, &stated);
         let few = (1..=FEW_ROWS).contains(&flexible.rows());
-        if !agree(&flexible, &stated) && (few || !agreed) {
+        if !flexible.agree(&stated) && (few || !agreed) {
             best = better(best, attempt(campaign, effects, flexible)?);
         }
     }
     for _ in 0..ROUNDS {
         let judged = judge(campaign, &best.model, best.fit(), false, &best.assumptions);
-        if agree(&judged, &best.assumptions) {
+        if judged.agree(&best.assumptions) {
             break;
         }
         let next = attempt(campaign, effects, judged)?;
@@ -79,6 +78,7 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
     Some(Settled {
         model,
         search,
+        assumptions,
         suspects,
         noise,
     })
@@ -152,12 +152,4 @@ fn better(one: Attempt, other: Attempt) -> Attempt {
     } else {
         one
     }
-}
-
-fn agree(one: &Assumptions, other: &Assumptions) -> bool {
-    let mut factors = one.noise_factor.iter().zip(&other.noise_factor);
-    let alike = |(a, b): (&f64, &f64)| (a / b).ln().abs() < AGREE;
-    one.excluded_readings == other.excluded_readings
-        && one.excluded_runs == other.excluded_runs
-        && factors.all(alike)
 }

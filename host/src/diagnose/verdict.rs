@@ -10,6 +10,8 @@ use crate::campaign_model::CampaignModel;
 
 /// Odds against the best hypothesis at which another one no longer stands.
 const STANDING_ODDS: f64 = 20.0;
+/// Probability from which on a hypothesis explains: below, something that the catalogue lacks may as well.
+const EXPLAINS: f64 = 0.8;
 /// Most effects, or sets of effects, in a class beside its most probable member.
 const CLASS: usize = 2;
 /// Hypotheses less probable than this are not listed, and most that are, of a gap that none explains fewer.
@@ -45,10 +47,10 @@ impl Judgement {
             (true, _) => Verdict::Unexplained,
             (false, false) if worse => Verdict::Unexplained,
             (false, true) => Verdict::NoGap,
-            (false, false) => match credible_set(search).len() {
-                1 => Verdict::Explained,
-                _ => Verdict::Ambiguous,
-            },
+            (false, false) if credible_set(search).len() == 1 && best.probability > EXPLAINS => {
+                Verdict::Explained
+            }
+            (false, false) => Verdict::Ambiguous,
         };
         Self { verdict }
     }

@@ -4,7 +4,7 @@ use inference::model::Fidelity;
 
 use super::identity::Stage;
 use super::{Action, Effect, even, linear, logarithmic};
-use crate::campaign::{DETECTOR_REL_ERROR, VibrationKind};
+use crate::campaign::VibrationKind;
 use crate::forward::conditions::{Conditions, Witnesses};
 use crate::forward::contribution::{Contribution, Observable};
 use crate::forward::rows::RunConditions;
@@ -83,8 +83,11 @@ fn filtered(
     }
 }
 
-/// Relative difference of two records' ends below which they are the same: by chance in a few of a hundred campaigns.
-const ALIKE: f64 = 0.5 * DETECTOR_REL_ERROR;
+/// Relative difference of two records' ends below which they are the same, by chance in a few of a hundred campaigns: half
+/// of what the peak detector may be off.
+fn alike(s: &Conditions) -> f64 {
+    0.5 * s.peak_rel_error
+}
 
 /// The greatest and the least output of all runs, g, each if two random records or more end there.
 fn common_ends(s: &Conditions, seen: &Witnesses) -> [Option<f64>; 2] {
@@ -97,7 +100,7 @@ fn common_ends(s: &Conditions, seen: &Witnesses) -> [Option<f64>; 2] {
         let ends: Vec<(VibrationKind, f64)> = runs.filter_map(outward).collect();
         let end = ends.iter().map(|e| e.1).fold(f64::NEG_INFINITY, f64::max);
         let there = |&&(kind, outward): &&(VibrationKind, f64)| {
-            kind == VibrationKind::Random && outward > end - ALIKE * end.abs()
+            kind == VibrationKind::Random && outward > end - alike(s) * end.abs()
         };
         (ends.iter().filter(there).count() > 1).then_some(sign * end)
     };
@@ -154,7 +157,7 @@ fn saturate(
             // A limit below the extreme is none. Where several records end alike, it is not above either.
             let [most, least] = ends;
             let there = |end: Option<f64>, extreme: f64| {
-                end.is_some_and(|end| (extreme - end).abs() < ALIKE * end.abs())
+                end.is_some_and(|end| (extreme - end).abs() < alike(s) * end.abs())
             };
             let (mut above, mut below) = (high - maximum, low - minimum);
             if !there(most, maximum) {

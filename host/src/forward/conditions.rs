@@ -65,6 +65,8 @@ pub struct Conditions {
     pub reference_temp_c: f64,
     /// The logger's rate, Hz.
     pub logger_rate_hz: f64,
+    /// Relative difference up to which two extremes of the peak detector may be alike.
+    pub peak_rel_error: f64,
 }
 
 impl Conditions {
@@ -111,6 +113,7 @@ impl Conditions {
             gravity_g: bench.local_gravity_g,
             reference_temp_c: bench.reference_temp_c,
             logger_rate_hz: campaign.config.acquisition.sample_rate_hz,
+            peak_rel_error: campaign.config.peak_rel_error(),
         }
     }
 

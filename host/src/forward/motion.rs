@@ -1,6 +1,6 @@
 //! How the instrument moves in a run.
 
-use shared::model::{NOMINAL, SpecificForce};
+use shared::model::SpecificForce;
 use shared::rectification::Sensitivity;
 use shared::vibration::{Harmonic, Moments};
 
@@ -72,8 +72,8 @@ impl Motion {
         }
     }
 
-    /// Derivatives of the vibration error by the nominal coefficients.
-    pub fn sensitivity(&self, run: &RunConditions) -> [f64; NOMINAL] {
+    /// Derivatives of the vibration error by the coefficients.
+    pub fn sensitivity(&self, run: &RunConditions) -> Sensitivity<f64> {
         let [i, p, o] = self.amplitude_g;
         let moments: Moments<f64> = match run.kind {
             VibrationKind::Sine if self.second_harmonic == 0.0 => Harmonic {
@@ -91,7 +91,7 @@ impl Motion {
                 )
             }
         };
-        Sensitivity::new(run.specific_force_g.i, moments).nominal
+        Sensitivity::new(run.specific_force_g.i, moments)
     }
 }
 

@@ -63,10 +63,14 @@ pub fn moving(runs: &[RunConditions], motions: &[Motion]) -> Vec<[[f64; NOMINAL]
             terms(SpecificForce::new(a0.i + i, a0.p + p, a0.o + o))
         };
         if run.kind == VibrationKind::Random {
-            return [motion.sensitivity(run), [0.0; NOMINAL], [0.0; NOMINAL]];
+            return [
+                motion.sensitivity(run).nominal,
+                [0.0; NOMINAL],
+                [0.0; NOMINAL],
+            ];
         }
         let [most, least] = motion.extremes();
-        [motion.sensitivity(run), at(most), at(least)]
+        [motion.sensitivity(run).nominal, at(most), at(least)]
     };
     runs.iter().zip(motions).map(of).collect()
 }
@@ -91,6 +95,7 @@ fn power_slope(run: &RunConditions, motion: &Motion, coefficients: &Coefficients
         let c = coefficients.to_nominal();
         motion
             .sensitivity(run)
+            .nominal
             .iter()
             .zip(c)
             .map(|(s, c)| s * c)

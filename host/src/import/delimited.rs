@@ -1,11 +1,12 @@
 //! A comma-separated table of any maker: columns are found by name, rows are streamed.
 
+use std::collections::HashSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use csv::ByteRecord;
 
-use crate::campaign::{RowLimited, read_error};
+use crate::campaign::{RowSource, read_error};
 use crate::error::{Error, Place, Problem};
 
 /// Beyond it a number is no temperature, C.
@@ -25,7 +26,7 @@ pub struct Columns {
 /// An open table.
 pub struct Table<R> {
     file: PathBuf,
-    reader: csv::Reader<RowLimited<R>>,
+    reader: csv::Reader<RowSource<R>>,
     header: Vec<String>,
     record: ByteRecord,
     outputs: Vec<usize>,
@@ -47,22 +48,31 @@ impl<R: Read> Table<R> {
     ) -> Result<Self, Error> {
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
-            .from_reader(RowLimited::new(source));
+            .from_reader(RowSource::new(source));
         let header: Vec<String> = reader
             .headers()
-            .map_err(|error| read_error(file, &[], error))?
+            .map_err(|error| read_error(file, &[], error, Some(1)))?
             .iter()
             .map(str::to_owned)
             .collect();
         if header.iter().all(String::is_empty) {
             return Err(Error::input(file, Problem::EmptyFile));
         }
+        let place = |name: &str| Place {
+            column: Some(name.into()),
+            ..Place::file(file)
+        };
+        let mut seen = HashSet::new();
+        let mut named = header.iter().filter(|name| !name.is_empty());
+        if let Some(twice) = named.find(|name| !seen.insert(name.as_str())) {
+            return Err(Error::Input {
+                place: place(twice),
+                problem: Problem::DuplicateColumn,
+            });
+        }
         let find = |name: &str| {
             let missing = || Error::Input {
-                place: Place {
-                    column: Some(name.into()),
-                    ..Place::file(file)
-                },
+                place: place(name),
                 problem: Problem::MissingColumn,
             };
             header
@@ -95,9 +105,15 @@ impl<R: Read> Table<R> {
     /// # Errors
     /// What the file system says; a row of another length than the header, or too long.
     pub fn next_row(&mut self) -> Result<Option<Row<'_, R>>, Error> {
-        self.reader.get_mut().begin_row();
+        let byte = self.reader.position().byte();
+        self.reader.get_mut().begin_row(byte);
         let more = self.reader.read_byte_record(&mut self.record);
-        let more = more.map_err(|error| read_error(&self.file, &self.header, error))?;
+        let more = more.map_err(|error| {
+            let line = error
+                .position()
+                .and_then(|at| self.reader.get_ref().line(at));
+            read_error(&self.file, &self.header, error, line)
+        })?;
         Ok(more.then_some(Row { table: self }))
     }
 }
@@ -107,7 +123,7 @@ pub struct Row<'t, R> {
     table: &'t Table<R>,
 }
 
-impl<R> Row<'_, R> {
+impl<R: Read> Row<'_, R> {
     /// Time, s; none without such a column.
     ///
     /// # Errors
@@ -191,10 +207,16 @@ impl<R> Row<'_, R> {
         }
     }
 
+    /// Line of the row in the file, from 1.
+    pub fn line(&self) -> Option<u64> {
+        let source = self.table.reader.get_ref();
+        source.line(self.table.record.position()?)
+    }
+
     fn place(&self, column: Option<String>) -> Place {
         Place {
             file: self.table.file.clone(),
-            row: self.table.record.position().map(csv::Position::line),
+            row: self.line(),
             column,
         }
     }

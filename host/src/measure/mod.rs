@@ -43,7 +43,7 @@ const SNIFF: usize = 4096;
 /// How numbers become g.
 #[derive(Clone, Copy, Debug)]
 pub struct Calibration {
-    /// Units (counts, volts) a g: the scale factor K1. Of a record of frames it is in V/g at the converter's input:
+    /// Units (counts, volts) a g: the scale factor K1, negative of an inverted output. Of a record of frames it is in V/g at the converter's input:
     /// a record knows nothing of what divides the voltage before.
     pub units_per_g: f64,
     /// Where the output clips, g.
@@ -56,7 +56,7 @@ impl Calibration {
     /// From where on a sample counts as clipped: one unit below full scale, for integer counts.
     fn clip_g(&self) -> Option<f64> {
         self.full_scale_g
-            .map(|limit| limit - limit.min(1.0 / self.units_per_g).min(1e-3 * limit))
+            .map(|limit| limit - limit.min(1.0 / self.units_per_g.abs()).min(1e-3 * limit))
     }
 }
 

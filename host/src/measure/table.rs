@@ -47,7 +47,7 @@ pub(super) fn read(
 }
 
 /// Adds a row to its segment.
-fn absorb<R>(
+fn absorb<R: Read>(
     segment: &mut Segment,
     row: &Row<'_, R>,
     time_s: Option<f64>,

@@ -2,13 +2,11 @@
 
 use std::fmt::Write as _;
 
-use crate::diagnose::answer::{Estimate, Shrink, Which};
+use super::laboratory_text::{belonging, sessions, shaker};
+use crate::diagnose::answer::{Shrink, Which};
 use crate::diagnose::{Diagnosis, Verdict, WHY_NOT_CARRIED};
 use crate::effects;
 use crate::quantity::Quantity;
-
-/// Standard deviations from which on something of a session's own is told.
-const TOLD: f64 = 4.0;
 
 /// A diagnosis in a screenful.
 pub fn text(diagnosis: &Diagnosis) -> String {
@@ -47,53 +45,10 @@ pub fn text(diagnosis: &Diagnosis) -> String {
 
 /// What the user must look at before all else.
 fn to_do(out: &mut String, diagnosis: &Diagnosis) {
-    for suspect in &diagnosis.suspects {
-        let would = suspect.would_explain.as_ref();
-        let would = would.map_or(String::new(), |slip| format!("; {slip} would explain it"));
-        let _ = writeln!(
-            out,
-            "row {} of {} ({} {}) does not belong: {:.1} sigma{would}; set aside",
-            suspect.row, suspect.file, suspect.what, suspect.number, suspect.sigma_off
-        );
-    }
-    for noise in diagnosis.noise.iter().filter(|noise| !noise.stated_holds) {
-        let factor = noise.factor.value;
-        let (word, times) = match factor > 1.0 {
-            true => ("small", factor),
-            false => ("large", factor.recip()),
-        };
-        let _ = writeln!(
-            out,
-            "the stated noise of {} is too {word}, by {times:.2}; the answer uses what the data show",
-            noise.of
-        );
-    }
-    for session in &diagnosis.sessions {
-        let told = |name: &str, estimate: Option<Estimate>, nothing: f64, scale: f64| {
-            let estimate = estimate?;
-            let far = (estimate.value - nothing).abs() > TOLD * estimate.sigma;
-            far.then(|| {
-                let quantity = Quantity::new(scale * estimate.value, scale * estimate.sigma);
-                format!("{name} {quantity}")
-            })
-        };
-        let turns = session.alignment_rad.iter().zip(["about PA", "about OA"]);
-        let turns = turns.filter_map(|(turn, axis)| {
-            told(&format!("turned {axis} by microrad"), Some(*turn), 0.0, 1e6)
-        });
-        let remarks: Vec<String> = told("bias off by microg", session.bias_g, 0.0, 1e6)
-            .into_iter()
-            .chain(turns)
-            .chain(told("gain", session.gain, 1.0, 1.0))
-            .collect();
-        if !remarks.is_empty() {
-            let _ = writeln!(
-                out,
-                "session {}: {}; no gap",
-                session.session,
-                remarks.join(", ")
-            );
-        }
+    out.push_str(&belonging(&diagnosis.suspects, &diagnosis.noise));
+    sessions(out, &diagnosis.sessions);
+    if let Some(found) = &diagnosis.shaker {
+        shaker(out, found);
     }
     if !out.is_empty() {
         out.push('\n');

@@ -48,7 +48,7 @@ fn dial_axis() -> Axis {
 }
 
 /// Readings over the angle, with the fitted model.
-pub(super) fn readings(report: &Report<'_>) -> Figure {
+pub(super) fn readings(report: &Report) -> Figure {
     let model = &report.fit.coefficients;
     let gravity_g = report.campaign.config.bench.local_gravity_g;
     let mut layers = Vec::new();
@@ -106,7 +106,7 @@ struct Residual {
 }
 
 /// Residuals at the nominal angle, less what the angle of each series and mount explains.
-fn residuals_about_mounts(report: &Report<'_>) -> Vec<Residual> {
+fn residuals_about_mounts(report: &Report) -> Vec<Residual> {
     let bench = statics::bench(&report.campaign.config.bench);
     let k1 = report.fit.coefficients.scale_factor_v_per_g;
     let tangent = |p: &Position| bench.local_gravity_g * p.series.tangent(p.phi_rad()).i;
@@ -145,7 +145,7 @@ fn residuals_about_mounts(report: &Report<'_>) -> Vec<Residual> {
 }
 
 /// Residuals of the static fit, one plot a series.
-pub(super) fn residuals(report: &Report<'_>) -> Figure {
+pub(super) fn residuals(report: &Report) -> Figure {
     let all = residuals_about_mounts(report);
     let values = all
         .iter()
@@ -227,7 +227,7 @@ pub(super) fn residuals(report: &Report<'_>) -> Figure {
 }
 
 /// The coefficients with bars, and their uncertainties on a logarithmic scale.
-pub(super) fn coefficients(report: &Report<'_>) -> Figure {
+pub(super) fn coefficients(report: &Report) -> Figure {
     let quantities = &report.identification.coefficients;
     // K1 has another unit; the first coefficient stands on top.
     let rows: Vec<usize> = (1..NOMINAL).rev().collect();
@@ -310,7 +310,7 @@ pub(super) fn coefficients(report: &Report<'_>) -> Figure {
 }
 
 /// Predicted against measured vibration error; none without measured runs.
-pub(super) fn comparison(report: &Report<'_>) -> Option<Figure> {
+pub(super) fn comparison(report: &Report) -> Option<Figure> {
     let (mut from_static, mut from_refit) = (Vec::new(), Vec::new());
     for run in &report.prediction.runs {
         let Some((measured, sigma)) = run.measured_vre_g.and_then(|q| q.known()) else {
@@ -373,7 +373,7 @@ pub(super) fn comparison(report: &Report<'_>) -> Option<Figure> {
 }
 
 /// The gap of each run in units of its uncertainty; none without measured runs.
-pub(super) fn gaps(report: &Report<'_>) -> Option<Figure> {
+pub(super) fn gaps(report: &Report) -> Option<Figure> {
     let gaps = remarks::gaps(report);
     let (first, last) = (gaps.first()?.run as f64, gaps.last()?.run as f64);
     let points = |of: &dyn Fn(&remarks::Gap) -> Option<f64>| -> Vec<Point> {
@@ -442,7 +442,7 @@ pub(super) fn gaps(report: &Report<'_>) -> Option<Figure> {
 }
 
 /// The predicted vibration error along the blind or least determined direction.
-pub(super) fn direction(report: &Report<'_>) -> Figure {
+pub(super) fn direction(report: &Report) -> Figure {
     let direction = &report.direction;
     let here_g = outlook::white_noise(1.0).vre_g(&report.fit.coefficients);
     let reach = 3.0 * direction.sigma;
@@ -509,7 +509,7 @@ pub(super) fn direction(report: &Report<'_>) -> Figure {
 }
 
 /// The uncertainty of the predicted vibration error over the level.
-pub(super) fn levels(report: &Report<'_>) -> Figure {
+pub(super) fn levels(report: &Report) -> Figure {
     let outlook = &report.outlook;
     let x: Vec<f64> = outlook.rms_g.iter().map(|rms| rms.log10()).collect();
     let curve = |values: &[f64]| -> Vec<(f64, f64)> {

@@ -5,6 +5,7 @@
 mod diagnosis;
 mod diagnosis_text;
 mod figures;
+mod laboratory_text;
 mod outlook;
 mod page;
 mod plot;
@@ -18,6 +19,7 @@ use shared::identify::static_test::Fit;
 use shared::model::NOMINAL;
 
 use crate::campaign::Campaign;
+use crate::diagnose::static_test;
 use crate::error::Error;
 use crate::output::{write_file, write_json};
 use crate::prediction::{Prediction, predict};
@@ -25,6 +27,7 @@ use crate::statics::{Identification, Method, fit, identify};
 
 pub use diagnosis::page as diagnosis_page;
 pub use diagnosis_text::text as diagnosis_text;
+pub use laboratory_text::belonging;
 pub use outlook::{Direction, Outlook, PlanSigma};
 pub use remarks::{Remark, Severity};
 
@@ -59,9 +62,11 @@ fn scientific(number: f64) -> String {
 
 /// All that the report shows of a campaign.
 #[derive(Clone, Debug)]
-pub struct Report<'c> {
-    /// The measurements.
-    pub campaign: &'c Campaign,
+pub struct Report {
+    /// The measurements, without the readings that do not belong.
+    pub campaign: Campaign,
+    /// Which readings do not, and noise that is not as stated, a line each.
+    pub belonging: String,
     /// Coefficients from the static test alone, without a prior.
     pub identification: Identification,
     /// Predicted and measured vibration error of the campaign's runs; none without `vibration.csv`.
@@ -76,19 +81,23 @@ pub struct Report<'c> {
     pub remarks: Vec<Remark>,
 }
 
-impl<'c> Report<'c> {
+impl Report {
     /// Identifies, predicts and judges.
     ///
     /// # Errors
     /// Readings that do not determine a fit, see [`identify`].
-    pub fn new(campaign: &'c Campaign) -> Result<Self, Error> {
-        let identification = identify(campaign, Method::LeastSquares, None)?;
-        let prediction = predict(campaign, &campaign.runs, None)?;
-        let fit = fit(campaign, prediction.prior_sigma)?;
+    pub fn new(campaign: &Campaign) -> Result<Self, Error> {
+        let judged = static_test(campaign);
+        let belonging = belonging(&judged.suspects, &judged.noise);
+        let campaign = judged.belonging;
+        let identification = identify(&campaign, Method::LeastSquares, None)?;
+        let prediction = predict(&campaign, &campaign.runs, None)?;
+        let fit = fit(&campaign, prediction.prior_sigma)?;
         let direction = Direction::new(&identification, &fit, prediction.prior_sigma);
-        let outlook = Outlook::new(campaign, &identification, &fit)?;
+        let outlook = Outlook::new(&campaign, &identification, &fit)?;
         let mut report = Self {
             campaign,
+            belonging,
             identification,
             prediction,
             fit,
@@ -105,7 +114,7 @@ impl<'c> Report<'c> {
 ///
 /// # Errors
 /// Those of [`Report::new`], and what the file system says.
-pub fn write<'c>(campaign: &'c Campaign, out: &Path) -> Result<Report<'c>, Error> {
+pub fn write(campaign: &Campaign, out: &Path) -> Result<Report, Error> {
     let report = Report::new(campaign)?;
     let page = page::page(&report)?;
     fs::create_dir_all(out).map_err(Error::write(out))?;

@@ -9,8 +9,8 @@ use shared::vibration::Random;
 
 use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::prediction::DEFAULT_PRIOR_SIGMA;
 use crate::quantity::Quantity;
+use crate::statics::DEFAULT_PRIOR_SIGMA;
 use crate::statics::{self, Conditions, Environment, Identification, assess, twice_and_remounted};
 
 /// Derivatives of the vibration error in a white noise of `rms_g` along IA, a0 = 0, by the coefficients.

@@ -50,7 +50,7 @@ footer { margin-top: 2.5rem; border-top: 1px solid #ddd; padding-top: .6rem; fon
 ";
 
 /// The whole page.
-pub(super) fn page(report: &Report<'_>) -> Result<String, Error> {
+pub(super) fn page(report: &Report) -> Result<String, Error> {
     let serial = &report.campaign.config.instrument.serial;
     let page = html! {
         (DOCTYPE)
@@ -119,7 +119,7 @@ pub(super) fn figure(figure: &Figure) -> Result<Markup, Error> {
     })
 }
 
-fn comparison(report: &Report<'_>) -> Result<Markup, Error> {
+fn comparison(report: &Report) -> Result<Markup, Error> {
     let (Some(compared), Some(gaps)) = (figures::comparison(report), figures::gaps(report)) else {
         return Ok(html! {
             h2 { "Predicted against measured" }
@@ -136,7 +136,7 @@ fn comparison(report: &Report<'_>) -> Result<Markup, Error> {
     })
 }
 
-fn chi_square(report: &Report<'_>) -> String {
+fn chi_square(report: &Report) -> String {
     let (Some(chi2), dof) = (report.identification.chi2, report.identification.dof) else {
         return String::new();
     };
@@ -182,7 +182,7 @@ fn concise(quantity: Quantity) -> String {
     quantity.to_string().replace('-', "\u{2212}")
 }
 
-fn coefficients(report: &Report<'_>) -> Result<Markup, Error> {
+fn coefficients(report: &Report) -> Result<Markup, Error> {
     let found = &report.identification;
     Ok(html! {
         h2 { "Coefficients from the static test" }
@@ -214,7 +214,7 @@ fn coefficients(report: &Report<'_>) -> Result<Markup, Error> {
     })
 }
 
-fn direction(report: &Report<'_>) -> Result<Markup, Error> {
+fn direction(report: &Report) -> Result<Markup, Error> {
     let direction = &report.direction;
     let parts: Vec<(usize, f64)> = (0..NOMINAL)
         .map(|k| (k, direction.components[k]))
@@ -246,7 +246,7 @@ fn direction(report: &Report<'_>) -> Result<Markup, Error> {
     })
 }
 
-fn reading_it(report: &Report<'_>) -> Markup {
+fn reading_it(report: &Report) -> Markup {
     let config = &report.campaign.config;
     let bench = &config.bench;
     let inputs: [(&str, String); 9] = [
@@ -312,7 +312,7 @@ fn reading_it(report: &Report<'_>) -> Markup {
     }
 }
 
-fn noise(report: &Report<'_>) -> String {
+fn noise(report: &Report) -> String {
     let sigmas = || {
         report
             .campaign
@@ -327,7 +327,7 @@ fn noise(report: &Report<'_>) -> String {
     format!("{least:.2} to {greatest:.2} \u{b5}V")
 }
 
-fn runs(report: &Report<'_>) -> Markup {
+fn runs(report: &Report) -> Markup {
     let gaps = remarks::gaps(report);
     let cell =
         |quantity: Option<Quantity>| quantity.map_or("\u{2013}".into(), |q| concise(q.scaled(1e6)));

@@ -36,7 +36,7 @@ pub(super) struct Gap {
 }
 
 /// The gaps of the measured runs.
-pub(super) fn gaps(report: &Report<'_>) -> Vec<Gap> {
+pub(super) fn gaps(report: &Report) -> Vec<Gap> {
     let runs = report.campaign.runs.iter().zip(&report.prediction.runs);
     runs.filter_map(|(run, predicted)| {
         let (measured, sigma) = predicted.measured_vre_g?.known()?;
@@ -53,9 +53,15 @@ pub(super) fn gaps(report: &Report<'_>) -> Vec<Gap> {
 }
 
 /// All remarks on a report, the gravest first.
-pub(super) fn remarks(report: &Report<'_>) -> Vec<Remark> {
+pub(super) fn remarks(report: &Report) -> Vec<Remark> {
     let gaps = gaps(report);
     let mut all = Vec::new();
+    let belonging = report.belonging.lines().map(|line| Remark {
+        severity: Severity::Warning,
+        heading: "Readings that do not belong, or noise that is not as stated".into(),
+        text: format!("{line}."),
+    });
+    all.extend(belonging);
     all.extend(blindness(report));
     all.extend(scatter(report));
     all.extend(against_static(&gaps));
@@ -83,7 +89,7 @@ pub(super) fn spelt(direction: &[f64; NOMINAL]) -> String {
     parts.join(" ").replace('-', "\u{2212}")
 }
 
-fn blindness(report: &Report<'_>) -> Option<Remark> {
+fn blindness(report: &Report) -> Option<Remark> {
     let direction = &report.direction;
     let sigma = report.prediction.prior_sigma.filter(|_| direction.blind)?;
     Some(Remark {
@@ -117,7 +123,7 @@ pub(super) fn normal_equivalent(chi2: f64, dof: usize) -> f64 {
     ((chi2 / dof as f64).cbrt() - (1.0 - variance)) / variance.sqrt()
 }
 
-fn scatter(report: &Report<'_>) -> Option<Remark> {
+fn scatter(report: &Report) -> Option<Remark> {
     let (chi2, dof) = (report.identification.chi2?, report.identification.dof);
     if dof == 0 {
         return Some(Remark {
@@ -231,8 +237,8 @@ fn against_model(gaps: &[Gap]) -> Option<Remark> {
 }
 
 /// The summary in three sentences.
-pub(super) fn summary(report: &Report<'_>) -> String {
-    let campaign = report.campaign;
+pub(super) fn summary(report: &Report) -> String {
+    let campaign = &report.campaign;
     let marks: std::collections::BTreeSet<u64> = campaign
         .readings
         .iter()

@@ -9,7 +9,7 @@ use crate::prediction::{PredictedRun, Prediction};
 use crate::quantity::Quantity;
 
 /// Summary, table of runs and remarks.
-pub fn summary(report: &Report<'_>) -> String {
+pub fn summary(report: &Report) -> String {
     let mut text = remarks::summary(report) + "\n";
     if !report.campaign.runs.is_empty() {
         let _ = write!(

@@ -81,6 +81,27 @@ pub fn fit(campaign: &Campaign, prior_sigma: Option<f64>) -> Result<Fit<f64>, Er
     }
 }
 
+/// Standard deviation about zero that a prediction takes for each coefficient but K1 (in its own unit) when the static
+/// plan leaves some of them undetermined: about the root mean square of k1', k2, k3 and k4 in the paper's Table 1.
+pub const DEFAULT_PRIOR_SIGMA: f64 = 5e-4;
+
+/// The fit that predictions rest on, and the standard deviation that it takes for every coefficient but K1: the one given, or
+/// [`DEFAULT_PRIOR_SIGMA`] where the static plan is blind.
+///
+/// # Errors
+/// Those of [`fit`].
+pub fn fit_determined(
+    campaign: &Campaign,
+    prior_sigma: Option<f64>,
+) -> Result<(Fit<f64>, Option<f64>), Error> {
+    let bare = fit(campaign, prior_sigma)?;
+    if bare.visibility.blind_directions().is_empty() {
+        return Ok((bare, prior_sigma));
+    }
+    let prior_sigma = prior_sigma.unwrap_or(DEFAULT_PRIOR_SIGMA);
+    Ok((fit(campaign, Some(prior_sigma))?, Some(prior_sigma)))
+}
+
 /// Relative error of the type's scale factor beyond which a fit is no measurement: twice what the tables let pass as an
 /// output of the instrument.
 const MAX_SCALE_ERROR: f64 = 0.5;

@@ -22,6 +22,6 @@ pub use coefficients::{MEANINGS, NAMES};
 pub use covariance::covariance;
 pub use goodness::{SUSPICIOUS, p_value, scatter_warning};
 pub use identification::{Identification, Method, identify};
-pub use least_squares::fit;
+pub use least_squares::{DEFAULT_PRIOR_SIGMA, fit, fit_determined};
 pub use planning::{best_plan, positions_to_add, twice_and_remounted};
 pub use readings::{bench, position};

@@ -47,6 +47,7 @@ pub fn campaign() -> Campaign {
             reference_cross_sensitivity: None,
             reference_noise_g: None,
             reference_gain_rel_sigma: None,
+            peak_rel_sigma: None,
             peak_gain_rel_sigma: None,
             unknown: unknown(),
         }),
@@ -85,6 +86,7 @@ fn readings() -> Vec<Reading> {
                 sigma_v: 2e-6,
                 session: None,
                 exclude: false,
+                line: order + 2,
                 unknown: Vec::new(),
             });
         }
@@ -132,6 +134,7 @@ fn run(run: u64, kind: VibrationKind, band_hz: [f64; 2], made: bool) -> Run {
         }),
         session: None,
         exclude: false,
+        line: run + 2,
         unknown: Vec::new(),
     }
 }

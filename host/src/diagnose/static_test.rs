@@ -1,0 +1,45 @@
+//! A static test by itself: which readings belong, and how far their stated noise holds.
+
+use super::answer::{NoiseFactor, SuspectRow};
+use super::remarks;
+use crate::campaign::Campaign;
+use crate::campaign_model::assumptions::Noise;
+use crate::campaign_model::judge::{self, suspects};
+
+/// What a static test says of its own readings.
+#[derive(Clone, Debug)]
+pub struct StaticTest {
+    /// The campaign with the readings that belong, their uncertainties as the scatter shows them.
+    pub belonging: Campaign,
+    /// The readings that do not.
+    pub suspects: Vec<SuspectRow>,
+    /// How far the stated noise of the readings holds; empty where they are too few to tell.
+    pub noise: Vec<NoiseFactor>,
+}
+
+/// Judges the readings of a campaign by each other; those that determine nothing are as they are stated.
+pub fn static_test(campaign: &Campaign) -> StaticTest {
+    let Some(judged) = judge::static_test(campaign) else {
+        return StaticTest {
+            belonging: campaign.clone(),
+            suspects: Vec::new(),
+            noise: Vec::new(),
+        };
+    };
+    let alone = Campaign {
+        runs: Vec::new(),
+        ..campaign.clone()
+    };
+    let (model, fit) = (&judged.model, &judged.fit);
+    let far = suspects(&alone, model, fit, &judged.assumptions);
+    let noise = judged.scatter.map(|(factor, relative)| NoiseFactor {
+        // As it was judged: what smooth functions of the angle take is no noise.
+        stated_holds: judged.assumptions.factor(Noise::Readings) == 1.0,
+        ..remarks::noise(&(Noise::Readings, factor, relative))
+    });
+    StaticTest {
+        belonging: judged.assumptions.applied_to_readings(campaign),
+        suspects: remarks::suspect_rows(&alone, &far, model, fit, &[]),
+        noise: noise.into_iter().collect(),
+    }
+}
