@@ -1,8 +1,7 @@
-//! Driver of the Texas Instruments ADS131M04: four simultaneous 24-bit channels, SPI mode 1, DRDY.
+//! Acquisition from the ADS131M04: four simultaneous 24-bit channels, SPI mode 1, DRDY.
 //!
-//! [`registers`], [`frame`] and [`count`] are plain encoding and counting; [`Ads131m04`] is the transaction layer, over
-//! embedded-hal or over a board's own [`bus`].
-//! The facts are from the data sheet SBAS890 (and SBAS950 of the eight-channel sibling, where it says more).
+//! The converter's registers, frames and set-up are those of its driver, the package `ads131m0x`. Here are what this
+//! instrument sets ([`registers`]), how conversions come over a board's [`bus`], and which conversion is which ([`count`]).
 //!
 //! **Losing nothing unnoticed.** Each conversion has an index, counted from the DRDY edges that timers count and
 //! stamp in hardware ([`count`]), not from what the software saw. The converter keeps two conversions: when one was
@@ -14,16 +13,19 @@ pub mod count;
 pub mod frame;
 pub mod registers;
 
+pub use ads131m0x;
+
 use embedded_hal::digital::{Error as _, ErrorKind as PinError, OutputPin};
 use embedded_hal::spi::ErrorKind as SpiError;
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiDevice;
 
-use bus::{FetchError, Fetched, FrameBus, FrameError, HalBus, open};
+use ads131m0x::asynchronous::Ads131m0x;
+use bus::{FetchError, Fetched, FrameBus, FrameError, HalBus, Through, open};
 use count::{ConversionCount, Timers};
-use frame::{Command, FRAME, RESET_RESPONSE, Response};
-use registers::{Config, ID, Register, Status};
+use frame::{Command, Response};
+use registers::{Config, Register, Status, has_data, is_sound_but_for};
 
 /// What the converter or the way to it does wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,6 +71,12 @@ pub enum Error {
     },
     /// DRDY is low but there is no new conversion.
     NoData,
+    /// The data sheet does not allow such a master clock: that of the settings, or the one that makes conversions as fast
+    /// as they come.
+    Clock {
+        /// Hz.
+        clock_hz: u32,
+    },
 }
 
 impl From<FrameError> for Error {
@@ -80,12 +88,35 @@ impl From<FrameError> for Error {
     }
 }
 
+impl From<ads131m0x::Error<SpiError>> for Error {
+    fn from(error: ads131m0x::Error<SpiError>) -> Self {
+        match error {
+            ads131m0x::Error::Bus(error) => Self::Spi(error),
+            ads131m0x::Error::Checksum(error) => Self::Checksum(error),
+            ads131m0x::Error::Identification { read } => Self::Identification { read },
+            ads131m0x::Error::Answer { expected, read } => Self::Acknowledge { expected, read },
+            ads131m0x::Error::Register {
+                register,
+                written,
+                read,
+            } => Self::Register {
+                register,
+                written,
+                read,
+            },
+            ads131m0x::Error::Status(status) => Self::Status(status),
+            // Its settings are checked before; else it has no other today.
+            _ => Self::Spi(SpiError::Other),
+        }
+    }
+}
+
 impl Error {
     /// True when the converter must be set up anew; false when only conversions are lost.
     pub const fn needs_initialise(self) -> bool {
         match self {
             Self::Spi(_) | Self::Checksum(_) | Self::Overrun { .. } | Self::NoData => false,
-            Self::Status(status) => !status.is_sound_but_for(Status::INPUT_CHECKSUM),
+            Self::Status(status) => !is_sound_but_for(status, Status::INPUT_CHECKSUM),
             _ => true,
         }
     }
@@ -114,6 +145,9 @@ pub struct Conversion {
 /// Conversion periods between set-up and the first conversion that is read: three until the sinc3 filter holds nothing
 /// from before, as many more as the first check of the register map takes at 32 kSPS, and enough to tell the beat.
 const SETTLING: u32 = 10;
+
+/// How often a beat that is too fast is looked at.
+const LOOKS: u32 = 3;
 
 /// Frames in which the converter's two conversions and those that are made meanwhile are read away, even at 32 kSPS.
 const EMPTYING: usize = 16;
@@ -213,12 +247,19 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         self.pause_us(self.count.period_us() / 2).await;
     }
 
-    /// Resets the converter, checks who it is, writes every setting and reads it back, locks it, and waits until
-    /// its filter has settled. Conversions that this costs count as lost, except the first time.
+    /// Puts the bus in order, resets the converter, checks who it is, writes every setting and reads it back, locks it,
+    /// and waits until its filter has settled. Conversions that this costs count as lost, except the first time.
     ///
     /// # Errors
     /// Any but [`Error::Overrun`]; the converter is then not to be used.
     pub async fn initialise(&mut self, how: Reset) -> Result<(), Error> {
+        let settings = self.config.settings();
+        if settings.check().is_err() {
+            // Nothing else of a configuration can be wrong.
+            let clock_hz = self.config.clock_hz;
+            return Err(Error::Clock { clock_hz });
+        }
+        self.bus.recover().await;
         match how {
             Reset::Pin => {
                 self.reset.set_low().map_err(|e| Error::Pin(e.kind()))?;
@@ -228,52 +269,31 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
                 self.reset.set_high().map_err(|e| Error::Pin(e.kind()))?;
             }
             Reset::Command => {
-                // What these answer depends on the state before.
-                self.transfer(&Command::Unlock.frame()).await?;
-                self.transfer(&Command::Reset.frame()).await?;
+                for command in [Command::Unlock, Command::Reset] {
+                    // What these answer depends on the state before.
+                    let answer = self.bus.exchange(&frame::encode(command)).await;
+                    answer.map_err(Error::Spi)?;
+                }
             }
         }
         self.pause_us(REGISTERS_READY_US).await;
-        self.expect(Command::Null, RESET_RESPONSE).await?;
-
-        self.exchange(Command::Read(Register::Id)).await?;
-        let read = self.exchange(Command::Null).await?.word;
-        if read & 0xFF00 != ID {
-            return Err(Error::Identification { read });
-        }
-        for (register, written) in self.config.settings() {
-            let write = Command::Write(register, written);
-            self.exchange(write).await?;
-            self.expect_response_of(write, Command::Read(register))
-                .await?;
-            let read = self.exchange(Command::Null).await?.word;
-            if read != written {
-                return Err(Error::Register {
-                    register,
-                    written,
-                    read,
-                });
-            }
-        }
-        self.exchange(Command::Lock).await?;
-        self.expect_response_of(Command::Lock, Command::Null)
-            .await?;
+        let mut converter = Ads131m0x::<_, { frame::CHANNELS }>::new(Through(&mut self.bus));
+        converter.expect_reset().await?;
+        converter.identify().await?;
+        converter.configure(&settings).await?;
+        converter.lock().await?;
         self.settle().await
     }
 
     /// Lets the filter settle and the timers measure the beat, with nothing on the bus; then reads away what there is.
     async fn settle(&mut self) -> Result<(), Error> {
-        let first = self.bus.edge();
-        self.pause_us(SETTLING * self.count.period_us()).await;
-        let last = self.bus.edge();
+        self.beat().await?;
+        // Writing the registers has set a flag that this one puts out (data sheet, section 8.3.13).
+        self.exchange(Command::Null).await?;
         let status = self.exchange(Command::Null).await?.status();
-        if !status.is_sound_but_for(0) {
+        if !is_sound_but_for(status, 0) {
             return Err(Error::Status(status));
         }
-        if last.count == first.count {
-            return Err(self.timeout());
-        }
-        self.count.measure(first, last);
         self.astray = !self.empty().await?;
         if self.astray {
             // Too fast to be read, but not to be counted.
@@ -287,10 +307,29 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         Ok(())
     }
 
+    /// Measures the beat. One that is too fast is looked at again, since a disturbed DRDY has edges too many.
+    async fn beat(&mut self) -> Result<(), Error> {
+        let mut shortest = 0;
+        for _ in 0..LOOKS {
+            let first = self.bus.edge();
+            self.pause_us(SETTLING * self.count.period_us()).await;
+            let last = self.bus.edge();
+            if last.count == first.count {
+                return Err(self.timeout());
+            }
+            match self.count.measure(first, last) {
+                Ok(()) => return Ok(()),
+                Err(period) => shortest = period,
+            }
+        }
+        let clock_hz = ConversionCount::clock_hz(shortest, &self.config);
+        Err(Error::Clock { clock_hz })
+    }
+
     /// Reads conversions away until none is left; false if they come faster.
     async fn empty(&mut self) -> Result<bool, Error> {
         for _ in 0..EMPTYING {
-            if !self.exchange(Command::Null).await?.status().has_data() {
+            if !has_data(self.exchange(Command::Null).await?.status()) {
                 return Ok(true);
             }
         }
@@ -369,10 +408,10 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         let behind = core::mem::replace(&mut self.behind, true);
         let mut response = fetched.response?;
         let status = response.status();
-        if !status.is_sound_but_for(0) {
+        if !is_sound_but_for(status, 0) {
             return Err(Error::Status(status));
         }
-        if !status.has_data() {
+        if !has_data(status) {
             return Err(Error::NoData);
         }
         if behind {
@@ -383,7 +422,7 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
                 self.astray = true;
                 return Err(Error::Overrun { lost: 1 });
             }
-            if second.status().has_data() {
+            if has_data(second.status()) {
                 response = second;
             }
         }
@@ -405,28 +444,7 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
         }
     }
 
-    /// Sends a command and demands an answer to the one before it.
-    async fn expect(&mut self, command: Command, expected: u16) -> Result<(), Error> {
-        let read = self.exchange(command).await?.word;
-        if read == expected {
-            Ok(())
-        } else {
-            Err(Error::Acknowledge { expected, read })
-        }
-    }
-
-    async fn expect_response_of(&mut self, before: Command, command: Command) -> Result<(), Error> {
-        match before.response() {
-            Some(expected) => self.expect(command, expected).await,
-            None => self.exchange(command).await.map(drop),
-        }
-    }
-
     async fn exchange(&mut self, command: Command) -> Result<Response, Error> {
-        Ok(open(self.bus.exchange(&command.frame()).await)?)
-    }
-
-    async fn transfer(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], Error> {
-        self.bus.exchange(frame).await.map_err(Error::Spi)
+        Ok(open(self.bus.exchange(&frame::encode(command)).await)?)
     }
 }

@@ -7,8 +7,9 @@
 
 use heapless::Deque;
 use shared::compensate::Compensator;
-use shared::self_check::{Outcome, Verdicts};
-use shared::wire::configuration::Configuration;
+use shared::self_check::{Outcome, SetUp, Verdicts};
+use shared::wire::board::{BlockConditions, BoardState};
+use shared::wire::configuration::Certified;
 use shared::wire::framing::{Deframer, Frame, FrameError};
 use shared::wire::message::{
     CHANNELS, Coefficients, Command, Event, Identity, Parameter, Position, Refusal, Segment, State,
@@ -17,12 +18,13 @@ use shared::wire::message::{
 use shared::wire::version;
 
 use crate::check::Check;
-use crate::link::{Action, ApplicationEnd, Order, Report};
+use crate::link::{Action, ApplicationEnd, Counters, MAX_ORDERS, Order, Report};
 use crate::sampler::Sampler;
 use crate::store::Kept;
 
-/// Answers that may wait for the line; a host that floods faster than it listens misses some, and they are counted.
-const REPLIES: usize = 8;
+/// Answers that may wait for the line: three to each order that may wait. A host that floods faster than it listens misses
+/// some, and they are counted.
+const REPLIES: usize = 3 * MAX_ORDERS;
 
 /// Codes on either side of zero.
 const HALF_RANGE: f64 = 8_388_608.0;
@@ -33,7 +35,21 @@ pub struct Keep {
     /// Sequence number of the command's frame.
     pub sequence: u16,
     /// What to write.
-    pub configuration: Option<Configuration>,
+    pub certified: Option<Certified>,
+}
+
+/// An answer that waits for the line.
+#[derive(Clone, Copy, Debug)]
+enum Reply {
+    Hello,
+    Board,
+    State(State),
+    Ack { sequence: u16, sample: u64 },
+    Refused { sequence: u16, reason: Refusal },
+    CheckBegun(SetUp),
+    Check(Outcome),
+    Certified,
+    Stored { sequence: u16, kept: Kept },
 }
 
 /// The way of an order to the memory.
@@ -41,8 +57,8 @@ pub struct Keep {
 enum Keeping {
     /// Nothing to do.
     Idle,
-    /// To be fetched.
-    Asked(Keep),
+    /// What is kept in the application is to be fetched, for the command of that number.
+    Asked(u16),
     /// Under way, for the command of that number.
     Begun(u16),
 }
@@ -50,13 +66,16 @@ enum Keeping {
 /// The state of the conversation with the host.
 pub struct App<'q> {
     identity: Identity,
+    board: BoardState,
     link: ApplicationEnd<'q>,
     incoming: Deframer,
-    replies: Deque<Event<'static>, REPLIES>,
+    replies: Deque<Reply, REPLIES>,
+    /// What belongs to the block that was sent last.
+    conditions: Option<BlockConditions>,
     greeted: bool,
     open: Segment,
     coefficients: Option<Coefficients>,
-    configuration: Option<Configuration>,
+    certified: Option<Certified>,
     kept: Kept,
     keeping: Keeping,
     sequence: u16,
@@ -77,10 +96,12 @@ impl<'q> App<'q> {
             link,
             incoming: Deframer::new(),
             replies: Deque::new(),
+            conditions: None,
+            board: BoardState::default(),
             greeted: false,
             open: Segment::Idle,
             coefficients: None,
-            configuration: None,
+            certified: None,
             kept: Kept::default(),
             keeping: Keeping::Idle,
             sequence: 0,
@@ -104,21 +125,22 @@ impl<'q> App<'q> {
     /// be with this converter's gains is no better than a corrupt one.
     pub fn with_kept(
         self,
-        (configuration, kept): (Option<Configuration>, Kept),
+        (certified, kept): (Option<Certified>, Kept),
         sampler: &mut Sampler<'_>,
     ) -> Self {
-        let Some(known) = configuration else {
+        let Some(known) = certified else {
             return Self { kept, ..self };
         };
         let Ok(compensator) = self.compensator(&known) else {
             let fault = Some(StoreFault::Corrupt);
-            let kept = Kept { writes: 0, fault };
+            let kept = Kept { fault, ..kept };
             return Self { kept, ..self };
         };
-        sampler.compensate(known.compensation.block_samples, compensator);
+        let block_samples = known.configuration.compensation.block_samples;
+        sampler.compensate(block_samples, compensator);
         Self {
-            coefficients: known.calibration.map(|known| known.coefficients),
-            configuration,
+            coefficients: coefficients(&known),
+            certified,
             kept,
             ..self
         }
@@ -126,11 +148,15 @@ impl<'q> App<'q> {
 
     /// What is to be written to the memory next; [`Self::stored`] ends it.
     pub fn keep(&mut self) -> Option<Keep> {
-        let Keeping::Asked(keep) = self.keeping else {
+        let Keeping::Asked(sequence) = self.keeping else {
             return None;
         };
-        self.keeping = Keeping::Begun(keep.sequence);
-        Some(keep)
+        self.keeping = Keeping::Begun(sequence);
+        let certified = self.certified;
+        Some(Keep {
+            sequence,
+            certified,
+        })
     }
 
     /// The memory was written, or not.
@@ -142,12 +168,18 @@ impl<'q> App<'q> {
     }
 
     fn reply_stored(&mut self, sequence: u16) {
-        let Kept { writes, fault } = self.kept;
-        self.reply(Event::Stored {
-            sequence,
-            writes,
-            fault,
-        });
+        let kept = self.kept;
+        self.reply(Reply::Stored { sequence, kept });
+    }
+
+    /// What is known of the memory.
+    pub fn kept(&self) -> Kept {
+        self.kept
+    }
+
+    /// What the board says of itself; whoever knows it better writes it there.
+    pub fn board(&mut self) -> &mut BoardState {
+        &mut self.board
     }
 
     /// The coefficients that the host has set or the memory held.
@@ -178,7 +210,7 @@ impl<'q> App<'q> {
                     self.rejected_frames = self.rejected_frames.saturating_add(1);
                     // Whoever speaks another version must learn which one is spoken here.
                     if let FrameError::Version(_) = error {
-                        self.reply(Event::Hello(self.identity));
+                        self.reply(Reply::Hello);
                     }
                 }
             }
@@ -188,15 +220,18 @@ impl<'q> App<'q> {
     /// Packs the next event for the line; false when there is none.
     pub fn transmit(&mut self, frame: &mut Frame) -> bool {
         loop {
-            let packed = if let Some(event) = self.replies.pop_front() {
-                frame.encode(&event, self.sequence)
+            let packed = if let Some(conditions) = self.conditions.take() {
+                frame.encode(&Event::Conditions(conditions), self.sequence)
+            } else if let Some(reply) = self.replies.pop_front() {
+                frame.encode(&self.answer(reply), self.sequence)
             } else if let Some(report) = self.link.report() {
                 let event = match report {
                     Report::Raw(raw) => Event::Raw(raw.message()),
-                    Report::Block(block) => {
+                    Report::Block(block, conditions) => {
                         if let Some(check) = &mut self.check {
                             check.block(block);
                         }
+                        self.conditions = Some(*conditions);
                         Event::Block(*block)
                     }
                     Report::Compensated(block) => Event::Compensated(*block),
@@ -209,10 +244,10 @@ impl<'q> App<'q> {
                     &Report::Done {
                         sequence,
                         sample,
-                        state,
+                        counters,
                     } => {
                         self.link.sent();
-                        self.done(sequence, sample, state);
+                        self.done(sequence, sample, counters);
                         continue;
                     }
                 };
@@ -233,13 +268,36 @@ impl<'q> App<'q> {
         }
     }
 
+    /// An answer as it goes over the line.
+    fn answer(&self, reply: Reply) -> Event<'static> {
+        match reply {
+            Reply::Hello => Event::Hello(self.identity),
+            Reply::Board => Event::Board(self.board),
+            Reply::State(state) => Event::State(state),
+            Reply::Ack { sequence, sample } => Event::Ack { sequence, sample },
+            Reply::Refused { sequence, reason } => Event::Refused { sequence, reason },
+            Reply::CheckBegun(set_up) => Event::CheckBegun(set_up),
+            Reply::Check(outcome) => Event::Check(outcome),
+            Reply::Certified => Event::Certified(self.certified),
+            Reply::Stored { sequence, kept } => Event::Stored {
+                sequence,
+                writes: kept.writes,
+                fault: kept.fault,
+            },
+        }
+    }
+
     /// The acquisition has carried out an order.
-    fn done(&mut self, sequence: u16, sample: u64, state: Option<State>) {
-        if let Some(mut state) = state {
+    fn done(&mut self, sequence: u16, sample: u64, counters: Option<Counters>) {
+        if let Some(counters) = counters {
+            let mut state = counters.state;
+            self.board.checksum_set_ups = counters.checksum_set_ups;
+            self.board.pulse = counters.pulse;
             state.compensating = self.compensates();
             state.rejected_frames = self.rejected_frames;
             state.dropped_frames = state.dropped_frames.saturating_add(self.dropped_replies);
-            self.reply(Event::State(state));
+            self.reply(Reply::State(state));
+            self.reply(Reply::Board);
         }
         if self.closing == Some(sequence) {
             self.closing = None;
@@ -248,18 +306,19 @@ impl<'q> App<'q> {
                 check.close(v_per_code);
             }
         }
-        self.reply(Event::Ack { sequence, sample });
+        self.reply(Reply::Ack { sequence, sample });
     }
 
-    fn reply(&mut self, event: Event<'static>) {
-        if self.replies.push_back(event).is_err() {
+    fn reply(&mut self, reply: Reply) {
+        if self.replies.push_back(reply).is_err() {
             self.dropped_replies = self.dropped_replies.saturating_add(1);
         }
     }
 
     fn command(&mut self, sequence: u16, command: Command) {
         if let Command::Hello { .. } = command {
-            self.reply(Event::Hello(self.identity));
+            self.reply(Reply::Hello);
+            self.reply(Reply::Board);
         }
         let outcome = self.check(&command).and_then(|action| {
             self.link
@@ -268,7 +327,7 @@ impl<'q> App<'q> {
         });
         match outcome {
             Ok(()) => self.carry_out(sequence, &command),
-            Err(reason) => self.reply(Event::Refused { sequence, reason }),
+            Err(reason) => self.reply(Reply::Refused { sequence, reason }),
         }
     }
 
@@ -316,18 +375,8 @@ impl<'q> App<'q> {
                     Action::Zero(zero)
                 })
             }
-            Command::Configure(configuration) => {
-                self.nothing_open()?;
-                self.memory_is_free()?;
-                let compensator = self.compensator(configuration)?;
-                let block_samples = configuration.compensation.block_samples;
-                Ok(Action::Compensate(block_samples, compensator))
-            }
-            Command::EraseConfiguration => {
-                self.nothing_open()?;
-                self.memory_is_free()?;
-                Ok(Action::Compensate(self.identity.block_samples, None))
-            }
+            Command::Configure(_) | Command::EraseConfiguration => Err(Refusal::Unconditional),
+            Command::Replace { writes, certified } => self.check_replacement(*writes, certified),
             Command::AskConfiguration => Ok(Action::Mark),
             Command::Hello { .. } => Ok(Action::Mark),
             Command::AskState => Ok(Action::State),
@@ -342,12 +391,37 @@ impl<'q> App<'q> {
             }
             Command::Conclude => {
                 self.nothing_open()?;
-                match (self.closing, self.outcome()) {
-                    (Some(_), _) => Err(Refusal::Busy),
-                    (None, Some(_)) => Ok(Action::Mark),
-                    (None, None) => Err(Refusal::NoCheck),
+                match self.outcome() {
+                    Some(_) => Ok(Action::Mark),
+                    None => Err(Refusal::NoCheck),
                 }
             }
+        }
+    }
+
+    /// What replacing the configuration asks of the acquisition. Whoever writes has to know what the memory holds: two hosts,
+    /// or one whose last answer was lost, do not overwrite each other.
+    fn check_replacement(
+        &self,
+        writes: u32,
+        certified: &Option<Certified>,
+    ) -> Result<Action, Refusal> {
+        self.nothing_open()?;
+        self.memory_is_free()?;
+        if self.board.write_protected {
+            return Err(Refusal::Protected);
+        }
+        if writes != self.kept.writes {
+            let writes = self.kept.writes;
+            return Err(Refusal::Writes { writes });
+        }
+        match certified {
+            Some(certified) => {
+                let compensator = self.compensator(certified)?;
+                let block_samples = certified.configuration.compensation.block_samples;
+                Ok(Action::Compensate(block_samples, compensator))
+            }
+            None => Ok(Action::Compensate(self.identity.block_samples, None)),
         }
     }
 
@@ -375,37 +449,41 @@ impl<'q> App<'q> {
             Command::BeginCheck(set_up) => {
                 if let Some(check) = &mut self.check {
                     check.begin(set_up);
-                    self.reply(Event::CheckBegun(set_up));
+                    self.reply(Reply::CheckBegun(set_up));
                 }
             }
             Command::Conclude => {
                 if let Some(outcome) = self.outcome() {
                     self.concluded = Some(outcome.verdicts);
-                    self.reply(Event::Check(outcome));
+                    self.reply(Reply::Check(outcome));
                 }
             }
-            Command::Configure(configuration) => self.configure(sequence, Some(configuration)),
-            Command::EraseConfiguration => self.configure(sequence, None),
+            Command::Replace { certified, .. } => self.replace(sequence, certified),
             Command::AskConfiguration => {
-                self.reply(Event::Configuration(self.configuration));
+                self.reply(Reply::Certified);
                 self.reply_stored(sequence);
             }
-            Command::StreamRaw { .. } | Command::AskState => {}
+            // The last two are refused.
+            Command::StreamRaw { .. }
+            | Command::AskState
+            | Command::Configure(_)
+            | Command::EraseConfiguration => {}
         }
     }
 
-    fn configure(&mut self, sequence: u16, configuration: Option<Configuration>) {
-        self.configuration = configuration;
-        let calibration = configuration.and_then(|known| known.calibration);
-        self.coefficients = calibration.map(|known| known.coefficients);
-        self.keeping = Keeping::Asked(Keep {
-            sequence,
-            configuration,
-        });
+    fn replace(&mut self, sequence: u16, mut certified: Option<Certified>) {
+        if let Some(provenance) = certified.as_mut().and_then(|c| c.provenance.as_mut()) {
+            provenance.accepted_by = Some(self.identity.firmware);
+        }
+        self.certified = certified;
+        self.coefficients = certified.as_ref().and_then(coefficients);
+        self.keeping = Keeping::Asked(sequence);
     }
 
     fn compensates(&self) -> bool {
-        let mode = self.configuration.and_then(|c| c.compensation.mode);
+        let mode = self
+            .certified
+            .and_then(|c| c.configuration.compensation.mode);
         mode.is_some()
     }
 
@@ -417,22 +495,21 @@ impl<'q> App<'q> {
     }
 
     /// The compensator of a configuration that can be.
-    fn compensator(
-        &self,
-        configuration: &Configuration,
-    ) -> Result<Option<Compensator<f32>>, Refusal> {
-        let compensator = configuration.compensator(v_per_code(&self.identity));
+    fn compensator(&self, certified: &Certified) -> Result<Option<Compensator<f32>>, Refusal> {
+        let compensator = certified.compensator(v_per_code(&self.identity));
         let within = |code: i32| f64::from(code).abs() < HALF_RANGE;
         let mut zeros = compensator.iter().flat_map(|with| with.zero());
-        if configuration.is_possible() && zeros.all(within) {
+        if certified.is_possible() && zeros.all(within) {
             Ok(compensator)
         } else {
             Err(Refusal::Parameter(Parameter::Configuration))
         }
     }
 
+    /// A reading that is being closed is still open to the self-check.
     fn nothing_open(&self) -> Result<(), Refusal> {
         match self.open {
+            Segment::Idle if self.closing.is_some() => Err(Refusal::Closing),
             Segment::Idle => Ok(()),
             open => Err(Refusal::Open(open)),
         }
@@ -449,6 +526,11 @@ impl<'q> App<'q> {
             Err(Refusal::Parameter(Parameter::Coefficients))
         }
     }
+}
+
+fn coefficients(certified: &Certified) -> Option<Coefficients> {
+    let calibration = certified.configuration.calibration;
+    calibration.map(|known| known.coefficients)
 }
 
 /// Volts of one code of each channel.

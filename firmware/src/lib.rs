@@ -2,14 +2,18 @@
 //! embedded-hal.
 //!
 //! ```text
-//! adc -> sampler -> app -> link
+//! adc -> sampler -> app -> conversation
 //!                    \-> store
 //! ```
+//! [`link`] is what lies between sampler and application, [`watch`] who feeds the watchdog.
 #![no_std]
 
 pub mod adc;
 pub mod app;
 pub mod check;
+pub mod conversation;
+pub mod edge_pair;
 pub mod link;
 pub mod sampler;
 pub mod store;
+pub mod watch;

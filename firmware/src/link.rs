@@ -6,6 +6,7 @@
 
 use heapless::spsc::{Consumer, Producer, Queue};
 use shared::compensate::Compensator;
+use shared::wire::board::{BlockConditions, Pulse};
 use shared::wire::message::{
     self, Block, CHANNELS, CompensatedBlock, Fault, MAX_RAW_SAMPLES, SAMPLE, Segment, State,
 };
@@ -57,10 +58,10 @@ pub enum Report {
         /// The first sample for which it holds.
         sample: u64,
         /// The counters, if it asked for them.
-        state: Option<State>,
+        counters: Option<Counters>,
     },
-    /// A block was closed.
-    Block(Block),
+    /// A block was closed, under these conditions.
+    Block(Block, BlockConditions),
     /// The same block freed of vibration error.
     Compensated(CompensatedBlock),
     /// Consecutive samples.
@@ -74,11 +75,22 @@ pub enum Report {
     },
 }
 
+/// What the acquisition counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Counters {
+    /// As the state tells it; what the application counts is zero.
+    pub state: State,
+    /// Times that the converter was set up anew because its frames were wrong in a row.
+    pub checksum_set_ups: u32,
+    /// The last pulse of the vehicle's time.
+    pub pulse: Option<Pulse>,
+}
+
 impl Report {
     /// Samples that are lost to the host when this is dropped.
     fn samples(&self) -> u64 {
         match self {
-            Self::Block(block) => u64::from(block.count),
+            Self::Block(block, _) => u64::from(block.count),
             Self::Raw(raw) => raw.count() as u64,
             // Its samples are those of the block before.
             Self::Compensated(_) | Self::Done { .. } | Self::Fault { .. } => 0,

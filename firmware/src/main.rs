@@ -3,6 +3,8 @@
 
 #[cfg(target_os = "none")]
 mod boards;
+#[cfg(target_os = "none")]
+mod image;
 
 #[cfg(not(target_os = "none"))]
 fn main() {

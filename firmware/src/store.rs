@@ -18,17 +18,17 @@
 use crc::{CRC_32_ISO_HDLC, Crc};
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
-use shared::wire::configuration::Configuration;
+use shared::wire::configuration::Certified;
 use shared::wire::message::StoreFault;
 
 /// Bytes of a slot; a multiple of the flash's words, of which a sector holds a whole number.
-pub const SLOT: usize = 512;
+pub const SLOT: usize = 1024;
 
 /// A slot after its sector was erased.
 const BLANK: [u8; SLOT] = [0xFF; SLOT];
 
 /// Version of what follows the number in a record.
-const VERSION: u16 = 1;
+const VERSION: u16 = 2;
 
 /// Bytes of the checksum, CRC-32/ISO-HDLC of the rest of the record, little-endian.
 const CHECKSUM: usize = 4;
@@ -38,7 +38,7 @@ static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// What is known of the memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Kept {
-    /// How often it has been written; 0 when nothing is kept.
+    /// How often it has been written.
     pub writes: u32,
     /// Why what is kept is not what was told last.
     pub fault: Option<StoreFault>,
@@ -84,26 +84,22 @@ impl<F: NorFlash> Store<F> {
     ///
     /// [`StoreFault::Flash`]: reading fails; [`StoreFault::Version`]: the record is of another version;
     /// [`StoreFault::Corrupt`]: it is none that can be, or went bad. The flash is only read.
-    pub async fn load(&mut self) -> (Option<Configuration>, Kept) {
+    pub async fn load(&mut self) -> (Option<Certified>, Kept) {
         let (writes, configuration, fault) = match self.recover().await {
             Ok(Some((writes, configuration))) => (writes, configuration, None),
             Ok(None) => (0, None, None),
             Err(fault) => (0, None, Some(fault)),
         };
-        let kept = Kept {
-            writes: if configuration.is_some() { writes } else { 0 },
-            fault,
-        };
-        (configuration, kept)
+        (configuration, Kept { writes, fault })
     }
 
-    /// Keeps a configuration, or none, in place of what was kept, and tells what is kept then. Takes as long as
-    /// writing one slot, and every now and then as long as erasing a sector.
+    /// Keeps a configuration, or none, in place of what was kept, and tells what is kept then. What is kept already is
+    /// not written again. Takes as long as writing one slot, and every now and then as long as erasing a sector.
     ///
     /// What was kept stays with [`StoreFault::Verify`]: what is read back is not what was written, or no slot can be
     /// written any more; and with [`StoreFault::Corrupt`]: the configuration cannot be. With [`StoreFault::Flash`] it is
     /// that or the new one.
-    pub async fn keep(&mut self, configuration: Option<&Configuration>) -> Kept {
+    pub async fn keep(&mut self, configuration: Option<&Certified>) -> Kept {
         let fault = self.replace(configuration).await.err();
         let (_, kept) = self.load().await;
         Kept {
@@ -112,7 +108,7 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    async fn recover(&mut self) -> Result<Option<(u32, Option<Configuration>)>, StoreFault> {
+    async fn recover(&mut self) -> Result<Option<(u32, Option<Certified>)>, StoreFault> {
         let found = match self.contents().await? {
             Contents::Blank => return Ok(None),
             Contents::Unsound => return Err(StoreFault::Corrupt),
@@ -123,16 +119,21 @@ impl<F: NorFlash> Store<F> {
         let Some((VERSION, writes, body)) = self.record() else {
             return Err(StoreFault::Version);
         };
-        let configuration = postcard::from_bytes::<Option<Configuration>>(body);
+        let configuration = postcard::from_bytes::<Option<Certified>>(body);
         match configuration {
             Ok(known) if known.is_none_or(|known| known.is_possible()) => Ok(Some((writes, known))),
             _ => Err(StoreFault::Corrupt),
         }
     }
 
-    async fn replace(&mut self, configuration: Option<&Configuration>) -> Result<(), StoreFault> {
+    async fn replace(&mut self, configuration: Option<&Certified>) -> Result<(), StoreFault> {
         if configuration.is_some_and(|new| !new.is_possible()) {
             return Err(StoreFault::Corrupt);
+        }
+        if let Ok(kept) = self.recover().await
+            && kept.and_then(|(_, kept)| kept).as_ref() == configuration
+        {
+            return Ok(());
         }
         let before = match self.contents().await? {
             Contents::Record(found) => Some(found),
@@ -179,7 +180,7 @@ impl<F: NorFlash> Store<F> {
     fn compose(
         &mut self,
         writes: u32,
-        configuration: Option<&Configuration>,
+        configuration: Option<&Certified>,
     ) -> Result<(), StoreFault> {
         self.slot = BLANK;
         let (checksum, rest) = self.slot[..mark::<F>()].split_at_mut(CHECKSUM);

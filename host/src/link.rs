@@ -5,9 +5,10 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use shared::wire::configuration::Configuration;
+use shared::wire::board::BoardState;
+use shared::wire::configuration::Certified;
 use shared::wire::framing::Frame;
-use shared::wire::message::{Command, Event, Identity, Refusal, Segment, StoreFault};
+use shared::wire::message::{Command, Event, Identity, Refusal, Segment, State, StoreFault};
 use shared::wire::version;
 
 use crate::error::Error;
@@ -40,8 +41,8 @@ enum Answer {
 #[derive(Clone, Copy, Debug)]
 pub struct Kept {
     /// What it compensates with now.
-    pub configuration: Option<Configuration>,
-    /// How often its memory was written; 0 when nothing is kept.
+    pub certified: Option<Certified>,
+    /// How often its memory was written.
     pub writes: u32,
     /// Why the memory does not hold what it should.
     pub fault: Option<StoreFault>,
@@ -52,7 +53,9 @@ pub struct Kept {
 pub struct Link<S> {
     source: S,
     writer: Option<Writer>,
-    configuration: Option<Configuration>,
+    certified: Option<Certified>,
+    board: Option<BoardState>,
+    state: Option<State>,
     /// What it said last of its memory: writes and fault.
     stored: Option<(u32, Option<StoreFault>)>,
     reader: Reader,
@@ -83,7 +86,9 @@ impl<S: Source> Link<S> {
         let mut link = Self {
             source,
             writer,
-            configuration: None,
+            certified: None,
+            board: None,
+            state: None,
             stored: None,
             reader: Reader::new(),
             identity: None,
@@ -111,16 +116,14 @@ impl<S: Source> Link<S> {
         *self.reader.tally()
     }
 
-    /// Makes the instrument keep this configuration, or none, and asks what it keeps then.
+    /// Makes the instrument keep this, or nothing, in place of what was written as the `writes`th, and asks what it keeps
+    /// then.
     ///
     /// # Errors
-    /// As [`Self::command`], and if its memory does not answer within five seconds.
-    pub fn configure(&mut self, configuration: Option<Configuration>) -> Result<Kept, Error> {
+    /// As [`Self::command`], and if its memory does not answer within five seconds, or was written by somebody else.
+    pub fn replace(&mut self, writes: u32, certified: Option<Certified>) -> Result<Kept, Error> {
         self.stored = None;
-        self.command(&match configuration {
-            Some(configuration) => Command::Configure(configuration),
-            None => Command::EraseConfiguration,
-        })?;
+        self.command(&Command::Replace { writes, certified })?;
         let end = Instant::now() + MEMORY;
         while self.stored.is_none() {
             if Instant::now() > end {
@@ -129,6 +132,18 @@ impl<S: Source> Link<S> {
             self.take()?;
         }
         self.ask_configuration()
+    }
+
+    /// Asks for the counters, and what the board says of itself.
+    ///
+    /// # Errors
+    /// As [`Self::command`], and from firmware before version 2 of the protocol, which tells only the counters.
+    pub fn ask_state(&mut self) -> Result<(State, BoardState), Error> {
+        (self.state, self.board) = (None, None);
+        self.command(&Command::AskState)?;
+        self.state
+            .zip(self.board)
+            .ok_or_else(|| self.broken("the instrument does not say how it is"))
     }
 
     /// Asks what the instrument keeps.
@@ -142,7 +157,7 @@ impl<S: Source> Link<S> {
             .stored
             .ok_or_else(|| self.broken("the instrument does not say what it keeps"))?;
         Ok(Kept {
-            configuration: self.configuration,
+            certified: self.certified,
             writes,
             fault,
         })
@@ -182,6 +197,19 @@ impl<S: Source> Link<S> {
                 Ok(())
             }
             (Command::StopPosition, Refusal::NotOpen) if again => Ok(()),
+            // The memory is at work for the first one, or done with it; what it keeps is asked for in any case.
+            (Command::Replace { .. }, Refusal::Busy) if again => Ok(()),
+            (Command::Replace { writes, .. }, Refusal::Writes { writes: now })
+                if again && now == writes.saturating_add(1) =>
+            {
+                Ok(())
+            }
+            (_, Refusal::Protected) => {
+                Err(self.broken("its memory is write-protected: open the jumper at its pin"))
+            }
+            (_, Refusal::Writes { .. }) => {
+                Err(self.broken("its memory was written by somebody else meanwhile: ask again"))
+            }
             (_, Refusal::Version { minimum, current }) => Err(self.broken(format!(
                 "the instrument speaks the protocol's versions {} to {}, this program {} to {}",
                 minimum.0,
@@ -211,16 +239,32 @@ impl<S: Source> Link<S> {
     /// # Errors
     /// [`Error::Link`] when the line is dead; [`Error::Write`].
     pub fn listen(&mut self, time: Duration) -> Result<(), Error> {
+        self.listen_to(time, &mut |_| {})
+    }
+
+    /// The same, with each event that comes.
+    ///
+    /// # Errors
+    /// As [`Self::listen`].
+    pub fn listen_to(
+        &mut self,
+        time: Duration,
+        each: &mut dyn FnMut(&Event<'_>),
+    ) -> Result<(), Error> {
         let end = Instant::now() + time;
         while Instant::now() < end {
-            self.take()?;
+            self.take_each(each)?;
         }
         self.answers.clear();
         Ok(())
     }
 
-    /// Takes what has come, or waits as long as the source does.
     fn take(&mut self) -> Result<(), Error> {
+        self.take_each(&mut |_| {})
+    }
+
+    /// Takes what has come, or waits as long as the source does.
+    fn take_each(&mut self, each: &mut dyn FnMut(&Event<'_>)) -> Result<(), Error> {
         let mut bytes = [0; CHUNK];
         match self.source.read(&mut bytes) {
             Ok(0) => Err(self.broken("lost: the line was closed")),
@@ -231,7 +275,7 @@ impl<S: Source> Link<S> {
                     writer.write(bytes)?;
                     writer.flush()?;
                 }
-                self.hear(bytes)
+                self.hear(bytes, each)
             }
             Err(error) => match error.kind() {
                 ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => {
@@ -245,24 +289,29 @@ impl<S: Source> Link<S> {
         }
     }
 
-    fn hear(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
+    fn hear(&mut self, bytes: &mut [u8], each: &mut dyn FnMut(&Event<'_>)) -> Result<(), Error> {
         let Self {
             reader,
             identity,
             answers,
             source,
-            configuration,
+            certified,
+            board,
+            state,
             stored,
             ..
         } = self;
         let fed = reader.feed(bytes, &mut |event, _| {
+            each(&event);
             match event {
                 Event::Hello(who) => *identity = Some(who),
                 Event::Ack { sequence, .. } => answers.push(Answer::Done(sequence)),
                 Event::Refused { sequence, reason } => {
                     answers.push(Answer::Refused(sequence, reason));
                 }
-                Event::Configuration(known) => *configuration = known,
+                Event::Certified(known) => *certified = known,
+                Event::Board(told) => *board = Some(told),
+                Event::State(told) => *state = Some(told),
                 Event::Stored { writes, fault, .. } => *stored = Some((writes, fault)),
                 _ => {}
             }

@@ -340,6 +340,11 @@ fn an_instrument_keeps_the_coefficients_it_is_given_shows_them_and_forgets_them(
     assert!(given["writes"].as_u64() >= Some(1), "{given}");
     let shown = configure(&[])?;
     assert_eq!(shown, given);
+    let serial = Campaign::read(&campaign)?.config.instrument.serial;
+    let kept = &shown["provenance"];
+    assert_eq!(kept["serial"], serial.as_str());
+    assert_eq!(kept["accepted_by"], serde_json::json!([0, 1, 0]));
+    assert!(kept["temperature_c"][0].as_f64() <= kept["temperature_c"][1].as_f64());
     let kept = &shown["configuration"];
     assert_eq!(kept["compensation"]["block_samples"], 80);
     // In volts at the converter: the simulated campaign states no front end.
@@ -376,5 +381,62 @@ fn an_instrument_keeps_the_coefficients_it_is_given_shows_them_and_forgets_them(
         configure(&["--erase"])?["configuration"],
         serde_json::Value::Null
     );
+    Ok(())
+}
+
+#[test]
+fn another_instruments_coefficients_are_replaced_only_by_force() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let campaign = simulate(folder.path(), "campaign", &[])?;
+    let other = simulate(folder.path(), "other", &[])?;
+    let file = other.join("campaign.toml");
+    let serial = Campaign::read(&other)?.config.instrument.serial;
+    let text = std::fs::read_to_string(&file)?;
+    std::fs::write(&file, text.replace(&serial, "S99999"))?;
+    let instrument = Instrument::start(u64::MAX)?;
+    let configure = |what: &Path, more: &[&str]| -> Outcome<assert_cmd::assert::Assert> {
+        let mut command = Command::cargo_bin("vre")?;
+        command.arg("configure").arg(what).args(more);
+        Ok(command.arg("--port").arg(&instrument.port).assert())
+    };
+    configure(&campaign, &["--bias-drift", "50"])?.success();
+    let refused = configure(&other, &[])?.code(2);
+    let told = String::from_utf8(refused.get_output().stderr.clone())?;
+    assert_eq!(told.lines().count(), 1, "{told}");
+    assert!(told.contains(&serial) && told.contains("S99999"), "{told}");
+    let forced = configure(&other, &["--force"])?.success();
+    let told = String::from_utf8(forced.get_output().stdout.clone())?;
+    assert!(told.contains("Instrument S99999"), "{told}");
+    Ok(())
+}
+
+#[test]
+fn a_board_is_brought_up_by_one_command_that_says_what_must_be_seen() -> Outcome {
+    let instrument = Instrument::start(u64::MAX)?;
+    let mut command = Command::cargo_bin("vre")?;
+    command.args([
+        "bring-up", "--time", "1", "--write", "--json", "-", "--port",
+    ]);
+    let assert = command.arg(&instrument.port).assert();
+    let rows: serde_json::Value = serde_json::from_slice(&assert.get_output().stdout)?;
+    let row = |name: &str| {
+        let rows = rows.as_array().expect("rows");
+        let found = rows.iter().find(|row| row["name"] == name);
+        found
+            .unwrap_or_else(|| panic!("no row {name}: {rows:?}"))
+            .clone()
+    };
+    // What the virtual board can show.
+    for name in [
+        "converter: wrong CRC, set-ups",
+        "DRDY against the board's clock",
+        "cause of the last reset",
+        "memory: write, read, erase",
+    ] {
+        assert_eq!(row(name)["passed"], true, "{}", row(name));
+    }
+    // It has no supply that could fall, and says so; a measurement that fails is an exit status.
+    assert_eq!(row("brown-out level 3")["passed"], false);
+    assert.code(1);
     Ok(())
 }

@@ -17,13 +17,19 @@
 //! [`Compensator`] is what does not change from sample to sample, [`CompensatorState`] what does. `f32` is enough:
 //! the correction is small, and the mean comes from an integer sum.
 
+use core::array::from_fn;
+use core::mem::replace;
+
 use serde::{Deserialize, Serialize};
 
 use crate::model::{Coefficients, NOMINAL, SpecificForce};
 use crate::moments::{CHANNELS, Moments};
+use crate::plausibility::{Both, Felt};
 use crate::rectification::{Covariance, Sensitivity};
 use crate::scalar::Real;
 use crate::vibration::{self, Kinked, KinkedMeans};
+
+pub use crate::stated_errors::StatedErrors;
 
 /// Where the vibration's moments come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,7 +61,8 @@ pub struct Quality(pub u8);
 impl Quality {
     /// A code reached the end of the converter's range.
     pub const SATURATED: u8 = 1 << 0;
-    /// The reference's channels stand still or are saturated: the instrument's own signal was taken.
+    /// The reference's channels stand still, are saturated or do not tell what the instrument tells: the instrument's own
+    /// signal was taken.
     pub const REFERENCE_LOST: u8 = 1 << 1;
     /// No coefficients: the output is the mean over the nominal scale factor.
     pub const COEFFICIENTS_MISSING: u8 = 1 << 2;
@@ -66,6 +73,10 @@ impl Quality {
     pub const OUT_OF_BAND: u8 = 1 << 4;
     /// Newton's method did not settle: no specific force gives this output.
     pub const NO_SOLUTION: u8 = 1 << 5;
+    /// It is colder or warmer than the coefficients were determined for.
+    pub const TEMPERATURE: u8 = 1 << 6;
+    /// The sample rate is that of the board's internal oscillator: frequencies and times are unsure by per cents.
+    pub const TIME_BASE: u8 = 1 << 7;
 
     /// True when the block has none of these.
     pub const fn is_sound(self) -> bool {
@@ -106,6 +117,9 @@ pub struct Scaling<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensator<T> {
     calibration: Option<Calibration<T>>,
+    errors: StatedErrors<T>,
+    /// Temperatures for which the coefficients hold, degrees Celsius.
+    temperature_c: Option<[T; 2]>,
     source: Source,
     mode: Mode,
     /// Of the instrument's channel; wider than the hot path, since it scales the whole of the output.
@@ -124,8 +138,19 @@ pub struct Compensated<T> {
     pub vre_g: T,
     /// Its standard uncertainty from the coefficients' covariance, g.
     pub vre_sigma_g: T,
+    /// Standard uncertainty of the specific force: the same and the stated errors, g. The block's noise is not in it.
+    pub sigma_g: T,
     /// What this is worth.
     pub quality: Quality,
+}
+
+/// What a block is measured under, as far as somebody knows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Surroundings {
+    /// Temperature of the instrument, or of the board next to it, degrees Celsius.
+    pub temperature_c: Option<f32>,
+    /// The board's clock is its internal oscillator.
+    pub time_base_unsure: bool,
 }
 
 /// The highest frequency for which compensation is claimed, as a part of the sample rate: 250 Hz at 4 kSPS, 1 kHz at
@@ -181,12 +206,40 @@ impl<T: Real> Compensator<T> {
         let [zero_i, zero_p, zero_o] = scaling.reference_zero;
         Self {
             calibration,
+            errors: StatedErrors::default(),
+            temperature_c: None,
             source,
             mode,
             g_per_code,
             to_g: [T::lit(g_per_code), i, p, o],
             // The conversion saturates, as the channel does.
             zero: [(bias_g / g_per_code) as i32, zero_i, zero_p, zero_o],
+        }
+    }
+
+    /// The same with errors that are stated, and the temperatures for which the coefficients hold.
+    pub fn with_errors(self, errors: StatedErrors<T>, temperature_c: Option<[T; 2]>) -> Self {
+        Self {
+            errors,
+            temperature_c,
+            ..self
+        }
+    }
+
+    /// Kelvin from the middle of the calibrated range, and whether that is outside. Where nobody measures, it may be
+    /// anywhere inside.
+    fn away_k(&self, temperature_c: Option<f32>) -> (T, bool) {
+        let Some([low, high]) = self.temperature_c else {
+            return (T::zero(), false);
+        };
+        let two = T::lit(2.0);
+        let half = (high - low) / two;
+        match temperature_c {
+            Some(t) => {
+                let away = (T::lit(f64::from(t)) - (low + high) / two).abs();
+                (away, away > half)
+            }
+            None => (half, false),
         }
     }
 
@@ -209,22 +262,14 @@ impl<T: Real> Compensator<T> {
         step(step(u_g))
     }
 
-    /// What the inversion of (1) takes from the instrument's output of this sample, g; `before` are the one and the two
-    /// before it.
+    /// What the inversion of (1) takes from the instrument's output of this sample, g; `bend` is by how much the step to it
+    /// is less than the step before.
     #[inline]
-    fn removed_g(
-        &self,
-        codes: [i32; CHANNELS],
-        before: Option<([i32; CHANNELS], [i32; CHANNELS])>,
-    ) -> T {
+    fn removed_g(&self, codes: [i32; CHANNELS], bend: [i32; CHANNELS]) -> T {
         // Codes have 24 bits: nothing wraps.
         let sharpened_g = |k: usize, zero: i32| {
-            let bend = before.map_or(0, |(one, two)| {
-                let step = codes[k].wrapping_sub(one[k]);
-                one[k].wrapping_sub(two[k]).wrapping_sub(step)
-            });
             let x = T::from_i64(i64::from(codes[k].wrapping_sub(zero)));
-            (x + T::lit(SHARPENING) * T::from_i64(i64::from(bend))) * self.to_g[k]
+            (x + T::lit(SHARPENING) * T::from_i64(i64::from(bend[k]))) * self.to_g[k]
         };
         let u_g = sharpened_g(0, 0);
         u_g - self.invert_g(
@@ -236,25 +281,36 @@ impl<T: Real> Compensator<T> {
 
     /// The block whose samples went into `moments` and `state`.
     fn block(&self, moments: &Moments<T>, state: &CompensatorState<T>) -> Compensated<T> {
+        let Surroundings {
+            temperature_c,
+            time_base_unsure,
+        } = state.surroundings;
+        let (away_k, outside) = self.away_k(temperature_c);
         let mut quality = 0;
+        if outside {
+            quality |= Quality::TEMPERATURE;
+        }
+        if time_base_unsure {
+            quality |= Quality::TIME_BASE;
+        }
         let (min, max) = (moments.min(), moments.max());
         let reaches_end = |k: usize| min[k] < -FULL_SCALE || max[k] >= FULL_SCALE;
-        let stands_still = |k: usize| min[k] == max[k];
         let reference_clips = reaches_end(1) || reaches_end(2) || reaches_end(3);
         if reaches_end(0) || reference_clips {
             quality |= Quality::SATURATED;
         }
-        let lost = reference_clips || stands_still(1) && stands_still(2) && stands_still(3);
+        let output_g = moments.sum()[0] as f64 / moments.count() as f64 * self.g_per_code;
+        let lost = reference_clips || !self.compare(moments, state, !reaches_end(0)).agree();
         if lost {
             quality |= Quality::REFERENCE_LOST;
         }
-        let output_g = moments.sum()[0] as f64 / moments.count() as f64 * self.g_per_code;
         let mean_g = T::lit(output_g);
         let Some(calibration) = &self.calibration else {
             return Compensated {
                 specific_force_g: output_g,
                 vre_g: T::zero(),
                 vre_sigma_g: T::infinity(),
+                sigma_g: T::infinity(),
                 quality: Quality(quality | Quality::COEFFICIENTS_MISSING),
             };
         };
@@ -301,15 +357,45 @@ impl<T: Real> Compensator<T> {
         if self.mode == Mode::Pointwise && !lost {
             removed_g = state.removed_g / T::from_i64(moments.count() as i64);
         }
+        let variance_g2 = sensitivity
+            .variance_with_further_g2(&calibration.covariance)
+            .max(T::zero());
+        let full_scale_g = T::lit(self.g_per_code * f64::from(FULL_SCALE));
+        let stated_g2 = self.errors.variance_g2(a.i, away_k, full_scale_g);
         Compensated {
             specific_force_g: output_g - removed_g.to_f64(),
             vre_g,
-            vre_sigma_g: sensitivity
-                .variance_with_further_g2(&calibration.covariance)
-                .max(T::zero())
-                .sqrt(),
+            vre_sigma_g: variance_g2.sqrt(),
+            sigma_g: (variance_g2 + stated_g2).sqrt(),
             quality: Quality(quality),
         }
+    }
+
+    /// What instrument and reference tell of the block.
+    fn compare(
+        &self,
+        moments: &Moments<T>,
+        state: &CompensatorState<T>,
+        comparable: bool,
+    ) -> Both<T> {
+        let [to_g, reference_to_g, ..] = self.to_g;
+        let [m2, reference_m2, ..] = moments.m2();
+        let [instrument, reference, ..] = moments.mean_about(self.zero);
+        Both {
+            comparable,
+            instrument_g: instrument * to_g,
+            instrument_g2: m2 * to_g * to_g,
+            reference_g: reference * reference_to_g,
+            reference_g2: reference_m2 * reference_to_g * reference_to_g,
+            felt_g2: state.felt_g2,
+        }
+    }
+
+    /// Mean square of the reference over all axes, g^2.
+    fn reference_mean_square_g2(&self, moments: &Moments<T>) -> T {
+        let (about, m2) = (moments.mean_about(self.zero), moments.m2());
+        let axis = |k: usize| (about[k] * about[k] + m2[k]) * self.to_g[k] * self.to_g[k];
+        axis(1) + axis(2) + axis(3)
     }
 
     /// The vibration of a block in g, its droop corrected by `gain` (of squares).
@@ -375,10 +461,39 @@ pub struct CompensatorState<T> {
     continues: bool,
     /// How many such samples there were.
     first: u32,
-    /// The last sample and the one before it; point by point only.
-    before: [Option<[i32; CHANNELS]>; 2],
+    /// Point by point only.
+    course: Course,
     /// What point-wise inversion took out, summed over the block, g.
     removed_g: T,
+    surroundings: Surroundings,
+    felt: Felt<T>,
+    felt_g2: T,
+}
+
+/// How the codes went until the last sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Course {
+    /// The last sample.
+    last: [i32; CHANNELS],
+    /// The step to it.
+    step: [i32; CHANNELS],
+    /// Samples since a gap, up to two: without two before it, a sample has no bend.
+    samples: u8,
+}
+
+impl Course {
+    /// Goes on to this sample: by how much the step to it is less than the step before.
+    #[inline]
+    fn bend(&mut self, codes: [i32; CHANNELS]) -> [i32; CHANNELS] {
+        let step = from_fn(|k| codes[k].wrapping_sub(self.last[k]));
+        let before = replace(&mut self.step, step);
+        self.last = codes;
+        if self.samples == 2 {
+            return from_fn(|k| before[k].wrapping_sub(step[k]));
+        }
+        self.samples += 1;
+        [0; CHANNELS]
+    }
 }
 
 /// What a block gathers of one channel. The codes have 24 bits and a block less than 2^16 samples: no sum overflows, but of
@@ -458,9 +573,8 @@ impl<T: Real> CompensatorState<T> {
         match compensator.mode {
             Mode::Block => self.plain = true,
             Mode::Pointwise => {
-                let [last, before] = self.before;
-                self.removed_g += compensator.removed_g(codes, last.zip(before));
-                self.before = [Some(codes), last];
+                let bend = self.course.bend(codes);
+                self.removed_g += compensator.removed_g(codes, bend);
             }
         }
     }
@@ -468,11 +582,18 @@ impl<T: Real> CompensatorState<T> {
     /// Forgets the last samples: what follows comes after a gap.
     pub fn interrupt(&mut self) {
         (self.plain, self.continues) = (false, false);
-        self.before = [None; 2];
+        self.course.samples = 0;
+    }
+
+    /// What the blocks from here on are measured under.
+    pub fn set_surroundings(&mut self, surroundings: Surroundings) {
+        self.surroundings = surroundings;
     }
 
     /// Ends the block whose samples went into `moments`, and begins the next.
     pub fn close(&mut self, compensator: &Compensator<T>, moments: &Moments<T>) -> Compensated<T> {
+        let felt_g2 = compensator.reference_mean_square_g2(moments);
+        self.felt_g2 = self.felt.absorb(felt_g2, moments.count());
         let block = compensator.block(moments, self);
         self.gathered.iter_mut().for_each(Gathered::next_block);
         self.first = 0;

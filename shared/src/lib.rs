@@ -15,6 +15,8 @@
 //! | [`channels`] | the converter's channels, and a block of samples | |
 //! | [`moments`] | streaming, mergeable moments of the converter's codes | (2) |
 //! | [`compensate`] | vibration error taken out on board | (1), (2) |
+//! | [`plausibility`] | does the reference feel what the instrument feels | |
+//! | [`stated_errors`] | uncertainty that no static test determines | |
 //! | [`self_check`] | the instrument judges its own calibration | (1) |
 //! | [`slope`] | measured vibration error by integration and line fit | |
 //! | [`triad`] | three instruments on one body, with a dial or without | (1), (2) |
@@ -33,10 +35,12 @@ pub mod compensate;
 pub mod identify;
 pub mod model;
 pub mod moments;
+pub mod plausibility;
 pub mod rectification;
 pub mod scalar;
 pub mod self_check;
 pub mod slope;
+pub mod stated_errors;
 pub mod triad;
 pub mod tumble;
 pub mod vibration;

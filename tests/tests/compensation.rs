@@ -17,6 +17,8 @@ use host::configuration::configuration as configuration_of;
 use host::diagnose::diagnose;
 use host::front_end::FrontEnd;
 use host::statics::{Method, NAMES, identify};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use shared::compensate::{CLAIMED_BAND, Mode, Quality, Source};
 use shared::model::{Coefficients, FURTHER, NOMINAL, SpecificForce};
 use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
@@ -143,6 +145,12 @@ impl Line {
 
     fn send(&mut self, command: Command) {
         self.board.send(&command).expect("fits");
+        self.run(0, &mut Quiet);
+    }
+
+    fn configure(&mut self, configuration: Configuration) {
+        let certified = Some(configuration.into());
+        self.board.replace(certified).expect("fits");
         self.run(0, &mut Quiet);
     }
 
@@ -350,7 +358,7 @@ fn compensation_holds_at(rate: (Oversampling, f64)) {
                     continue;
                 }
                 let with = configuration(instrument, line.block, mode, source);
-                line.send(Command::Configure(with));
+                line.configure(with);
                 let kinds = waveforms.iter().enumerate();
                 for ((kind, (name, waveform)), a0) in
                     kinds.flat_map(|w| attitudes().map(|a0| (w, a0)))
@@ -404,7 +412,7 @@ fn a_change_of_level_is_followed_within_two_blocks() {
         let waveform = line.sine(200.0);
         for mode in [Mode::Block, Mode::Pointwise] {
             let with = configuration(&instrument, line.block, mode, Source::Reference);
-            line.send(Command::Configure(with));
+            line.configure(with);
             let mut signal = Shaken {
                 instrument: &instrument,
                 a0: attitudes()[2],
@@ -433,14 +441,21 @@ fn a_change_of_level_is_followed_within_two_blocks() {
     }
 }
 
-/// The reference's cable pulled: its channels see this voltage.
-struct Unplugged<'a>(Shaken<'a>, f64);
+/// The reference's cable pulled: its channels see this voltage, and the converter's own noise of some 37 codes.
+struct Unplugged<'a>(Shaken<'a>, f64, ChaCha8Rng);
+
+/// Standard deviation of an input value that makes 37 codes rms of eight of them, averaged by the filter.
+const NOISE_V: f64 = 37.0 * 1.2 / 8_388_608.0 * 3.6;
 
 impl Signal for Unplugged<'_> {
     fn fill(&mut self, start_s: f64, rate_hz: f64, out: &mut [[f64; 4]]) {
         self.0.fill(start_s, rate_hz, out);
         for [_, reference @ ..] in out {
-            *reference = [self.1; 3];
+            for channel in reference {
+                // Uniform, of that deviation.
+                let uniform: f64 = self.2.random_range(-1.0..1.0);
+                *channel = self.1 + uniform * 3f64.sqrt() * NOISE_V;
+            }
         }
     }
 }
@@ -459,7 +474,7 @@ fn blocks_that_deserve_no_trust_say_why() {
         waveform: &waveform,
     };
     let mut say = |configuration: Configuration, signal: &mut dyn Signal| {
-        line.send(Command::Configure(configuration));
+        line.configure(configuration);
         let blocks = line.blocks(10, signal);
         let first = blocks[0];
         assert!(blocks.iter().all(|b| b.quality == first.quality));
@@ -483,7 +498,10 @@ fn blocks_that_deserve_no_trust_say_why() {
 
         // The instrument's own signal is taken, whatever the reference's inputs float to.
         for (volts, clipped) in [(0.0, 0), (0.7, 0), (-2.0, Quality::SATURATED)] {
-            let (quality, freed) = say(with(mode), &mut Unplugged(sound, volts));
+            let (quality, freed) = say(
+                with(mode),
+                &mut Unplugged(sound, volts, ChaCha8Rng::seed_from_u64(5)),
+            );
             assert_eq!(quality, Quality::REFERENCE_LOST | clipped);
             // What the misalignment makes of gravity on PA is lost with the reference, and so are couplings and squares.
             let [p, o] = [sound.a0.p, sound.a0.o];
@@ -522,7 +540,7 @@ fn vibration_beyond_the_claimed_band_is_flagged_at_every_rate_and_none_within() 
         let mut line = Line::new(rate);
         for mode in [Mode::Block, Mode::Pointwise] {
             let with = configuration(&instrument, line.block, mode, Source::Reference);
-            line.send(Command::Configure(with));
+            line.configure(with);
             for (part, flag) in [(0.9, 0), (1.1, Quality::OUT_OF_BAND)] {
                 let waveform = line.sine(part * line.top_hz());
                 let mut signal = Shaken {
@@ -545,7 +563,7 @@ fn blocks_come_at_the_rate_that_is_set() {
     let waveform = line.sine(100.0);
     for block in [16, 40, 777] {
         let with = configuration(&instrument, block, Mode::Pointwise, Source::Reference);
-        line.send(Command::Configure(with));
+        line.configure(with);
         line.compensated.clear();
         let mut signal = Shaken {
             instrument: &instrument,
@@ -579,7 +597,7 @@ fn conversions_lost_inside_a_block_spoil_nothing() {
     };
     for mode in [Mode::Block, Mode::Pointwise] {
         let with = configuration(&instrument, line.block, mode, Source::Reference);
-        line.send(Command::Configure(with));
+        line.configure(with);
         line.blocks(0, &mut signal);
         line.blocks.clear();
         line.compensated.clear();
@@ -623,7 +641,7 @@ fn configure_from_static_test(line: &mut Line, plan: Static, seed: u64) -> Coeff
         Source::Reference,
         block,
     );
-    line.send(Command::Configure(with));
+    line.configure(with);
     bench.accelerometer.coefficients
 }
 
@@ -710,7 +728,7 @@ fn a_diagnosed_term_is_taken_out_on_board_with_its_uncertainty_stated() {
                 Source::Reference,
                 block,
             );
-            line.send(Command::Configure(with));
+            line.configure(with);
             for (k, waveform) in waveforms.iter().enumerate() {
                 let mut signal = Shaken {
                     instrument: &instrument,

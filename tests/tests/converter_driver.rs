@@ -1,4 +1,4 @@
-//! The driver's transactions with the converter, byte by byte, and what each trouble becomes.
+//! The acquisition's transactions with the converter, byte by byte, and what each trouble becomes.
 
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -58,6 +58,7 @@ const AFTER_RESET: u16 = 0x0500;
 const SET_UP: u16 = 0x0100;
 const READY: u16 = 0x810F;
 const EMPTY: u16 = 0x8100;
+const CHANGED: u16 = 0xA10F;
 const CODES: [i32; 4] = [1, -2, 8_388_607, -8_388_608];
 
 /// Everything up to the settings: 0xFF24 after a reset, then register ID.
@@ -69,21 +70,50 @@ fn identify(id: u16) -> Script {
     ]
 }
 
-/// Writes a register and reads it back.
-fn write(address: u16, value: u16, read: u16) -> Script {
-    let write = 0x6000 | address << 7;
-    vec![
-        (
-            to_converter(&[write, value]),
-            from_converter(SET_UP, [0; 4]),
-        ),
-        (
-            to_converter(&[0xA000 | address << 7]),
-            from_converter(0x4000 | address << 7, [0; 4]),
-        ),
-        (to_converter(NULL), from_converter(read, [0; 4])),
-    ]
+/// Writes registers and reads them back; each one's content comes with the frame that writes the next.
+fn writes(registers: &[(u16, u16)]) -> Script {
+    let mut script = Vec::new();
+    let mut before = SET_UP;
+    for &(address, value) in registers {
+        let address = address << 7;
+        script.push((
+            to_converter(&[0x6000 | address, value]),
+            from_converter(before, [0; 4]),
+        ));
+        script.push((
+            to_converter(&[0xA000 | address]),
+            from_converter(0x4000 | address, [0; 4]),
+        ));
+        before = value;
+    }
+    script.push((to_converter(NULL), from_converter(before, [0; 4])));
+    script
 }
+
+/// Every register, at 4 kSPS and gain 1: but for MODE as after a reset.
+const REGISTERS: [(u16, u16); 26] = {
+    let mut registers = [(0, 0); 26];
+    let head = [
+        (2, 0x3110),
+        (3, 0x0F0E),
+        (4, 0x0000),
+        (6, 0x0600),
+        (7, 0x0000),
+        (8, 0x0000),
+    ];
+    let mut k = 0;
+    while k < registers.len() {
+        registers[k] = if k < head.len() {
+            head[k]
+        } else {
+            // Of each channel's five the fourth is the gain calibration.
+            let place = (k - head.len()) % 5;
+            (k as u16 + 3, if place == 3 { 0x8000 } else { 0 })
+        };
+        k += 1;
+    }
+    registers
+};
 
 fn read(status: u16, codes: [i32; 4]) -> (Vec<u8>, Vec<u8>) {
     (to_converter(NULL), from_converter(status, codes))
@@ -92,12 +122,12 @@ fn read(status: u16, codes: [i32; 4]) -> (Vec<u8>, Vec<u8>) {
 /// The whole set-up at 4 kSPS and gain 1.
 fn set_up() -> Script {
     let mut script = identify(0x2401);
-    for (address, value) in [(2, 0x3110), (3, 0x0F0E), (4, 0x0000), (6, 0x0600)] {
-        script.extend(write(address, value, value));
-    }
+    script.extend(writes(&REGISTERS));
     script.push((to_converter(&[0x0555]), from_converter(SET_UP, [0; 4])));
     script.push((to_converter(NULL), from_converter(0x0555, [0; 4])));
-    script.extend([READY, READY, EMPTY, READY].map(|status| read(status, [7; 4])));
+    // The register map changed by being written; then what the converter still holds.
+    let statuses = [CHANGED, READY, READY, EMPTY, READY];
+    script.extend(statuses.map(|status| read(status, [7; 4])));
     script
 }
 
@@ -118,6 +148,8 @@ struct Pins(Rc<World>);
 #[derive(Default)]
 struct World {
     now_us: Cell<u64>,
+    /// How often DRDY falls; 0 stands for [`PERIOD_US`].
+    period_us: Cell<u64>,
     edge: Cell<Edge>,
     waits: RefCell<VecDeque<Drdy>>,
 }
@@ -160,11 +192,15 @@ impl DelayNs for Pins {
     async fn delay_ns(&mut self, ns: u32) {
         let (now_us, passed_us) = (self.0.now_us.get(), u64::from(ns / 1000));
         self.0.now_us.set(now_us + passed_us);
-        let edges = passed_us / PERIOD_US;
+        let period_us = match self.0.period_us.get() {
+            0 => PERIOD_US,
+            other => other,
+        };
+        let edges = passed_us / period_us;
         if edges > 0 {
             self.0.edge.set(Edge {
                 count: self.0.edge.get().count + edges as u32,
-                time_us: now_us + edges * PERIOD_US,
+                time_us: now_us + edges * period_us,
             });
         }
     }
@@ -183,6 +219,15 @@ type Driver = Ads131m04<HalBus<SpiMock<u8>, Pins, Pins, Pins>, PinMock>;
 
 /// Runs `body` with a driver whose transactions have to be those of `script`, no more and no fewer.
 fn with_driver(script: Script, resets: usize, body: impl AsyncFnOnce(&mut Driver, &World)) {
+    with_config(Config::default(), script, resets, body);
+}
+
+fn with_config(
+    config: Config,
+    script: Script,
+    resets: usize,
+    body: impl AsyncFnOnce(&mut Driver, &World),
+) {
     let transactions: Vec<_> = script
         .into_iter()
         .flat_map(|(sent, answered)| {
@@ -204,7 +249,7 @@ fn with_driver(script: Script, resets: usize, body: impl AsyncFnOnce(&mut Driver
         reset.clone(),
         pins.clone(),
         pins.clone(),
-        Config::default(),
+        config,
     );
     block_on(body(&mut driver, &pins.0));
     spi.done();
@@ -267,8 +312,13 @@ fn a_converter_that_was_not_reset_is_not_believed() {
 #[test]
 fn a_register_that_does_not_hold_its_value_is_named() {
     let mut script = identify(0x2401);
-    script.extend(write(2, 0x3110, 0x3110));
-    script.extend(write(3, 0x0F0E, 0x0F0A));
+    script.extend(writes(&[(2, 0x3110), (3, 0x0F0E)]));
+    script.pop();
+    // The content of CLOCK comes with the frame that writes GAIN1.
+    script.push((
+        to_converter(&[0x6200, 0x0000]),
+        from_converter(0x0F0A, [0; 4]),
+    ));
     with_driver(script, 1, async |driver, _| {
         let error = driver.initialise(Reset::Pin).await;
         let (register, written, read) = (Register::Clock, 0x0F0E, 0x0F0A);
@@ -280,6 +330,47 @@ fn a_register_that_does_not_hold_its_value_is_named() {
                 read
             })
         );
+    });
+}
+
+#[test]
+fn a_register_map_that_goes_on_changing_is_not_believed() {
+    let mut script = set_up();
+    script.truncate(script.len() - 4);
+    script.push(read(CHANGED, [7; 4]));
+    with_driver(script, 1, async |driver, _| {
+        let error = driver.initialise(Reset::Pin).await;
+        assert_eq!(error, Err(Error::Status(Status(CHANGED))));
+    });
+}
+
+#[test]
+fn a_clock_that_the_data_sheet_does_not_allow_is_refused_before_a_reset() {
+    for (clock_hz, allowed) in [(299_999, false), (8_400_000, true), (16_384_000, false)] {
+        let config = Config {
+            clock_hz,
+            ..Config::default()
+        };
+        assert_eq!(config.settings().check().is_ok(), allowed);
+        if !allowed {
+            with_config(config, vec![], 0, async |driver, _| {
+                let error = driver.initialise(Reset::Pin).await;
+                assert_eq!(error, Err(Error::Clock { clock_hz }));
+            });
+        }
+    }
+}
+
+#[test]
+fn a_beat_that_no_allowed_clock_makes_is_refused_by_that_clock() {
+    let mut script = set_up();
+    script.truncate(script.len() - 5);
+    with_driver(script, 1, async |driver, world| {
+        // 8 kSPS in place of 4: a clock of 16.384 MHz.
+        world.period_us.set(PERIOD_US / 2);
+        let error = driver.initialise(Reset::Pin).await;
+        let clock_hz = 16_384_000;
+        assert_eq!(error, Err(Error::Clock { clock_hz }));
     });
 }
 

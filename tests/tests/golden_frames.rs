@@ -1,12 +1,15 @@
-//! The bytes of every message of protocol version 1, as they went out once and for all. If this test fails, the code is
+//! The bytes of every message, in a frame of the protocol's version that it came with, as they went out once and for all. If this test fails, the code is
 //! wrong: instruments in the field and records on disk speak these bytes. A new message gets a new line; no line is ever
 //! changed while `version::MINIMUM` is at its version.
 
-use shared::compensate::{Mode, Quality, Source};
+use shared::compensate::{Mode, Quality, Source, StatedErrors};
 use shared::identify::static_test::Bench;
 use shared::rectification::Covariance;
 use shared::self_check::{Outcome, SetUp, Verdict, Verdicts};
-use shared::wire::configuration::{Calibration, Compensation, Configuration};
+use shared::wire::board::{BlockConditions, BoardState, Cause, FILE_NAME, Place, Pulse, TimeBase};
+use shared::wire::configuration::{
+    Calibration, Certified, Compensation, Configuration, Date, Name, Provenance,
+};
 use shared::wire::framing::{Frame, Packet};
 use shared::wire::message::{
     Approach, Block, Coefficients, Command, CompensatedBlock, Event, Fault, Identity, Moments,
@@ -96,7 +99,46 @@ fn commands() -> Vec<(&'static str, Command)> {
         ("command-configure", Command::Configure(configuration())),
         ("command-erase-configuration", Command::EraseConfiguration),
         ("command-ask-configuration", Command::AskConfiguration),
+        (
+            "command-replace",
+            Command::Replace {
+                writes: 300,
+                certified: Some(certified()),
+            },
+        ),
+        (
+            "command-replace-by-nothing",
+            Command::Replace {
+                writes: 0,
+                certified: None,
+            },
+        ),
     ]
+}
+
+/// Every number another one.
+fn certified() -> Certified {
+    Certified {
+        configuration: configuration(),
+        provenance: Some(Provenance {
+            serial: Name::new("V00007").expect("a name"),
+            date: Date {
+                year: 2026,
+                month: 2,
+                day: 28,
+            },
+            campaign: std::array::from_fn(|k| 200 + k as u8),
+            temperature_c: Some([-40.0, 71.5]),
+            accepted_by: Some([1, 2, 3]),
+        }),
+        errors: StatedErrors {
+            scale_factor_per_k: 1e-6,
+            scale_factor_drift: 2e-6,
+            bias_g_per_k: 3e-6,
+            bias_drift_g: 4e-6,
+            converter_nonlinearity: 5e-6,
+        },
+    }
 }
 
 fn events() -> Vec<(&'static str, Event<'static>)> {
@@ -262,6 +304,84 @@ fn events() -> Vec<(&'static str, Event<'static>)> {
         (name, Event::Refused { sequence, reason })
     }));
     events.extend(compensation_events());
+    events.extend(board_events());
+    events
+}
+
+fn board_events() -> Vec<(&'static str, Event<'static>)> {
+    let mut file = [0; FILE_NAME];
+    file[..6].copy_from_slice(b"app.rs");
+    let pulse = Pulse {
+        count: 300,
+        time_us: 1 << 40,
+    };
+    let board = |cause| BoardState {
+        boots: 300,
+        cause,
+        time_base: TimeBase::Internal,
+        brown_out_guarded: true,
+        write_protected: false,
+        board_c: Some(31.5),
+        instrument_c: None,
+        stack_free: Some(70_000),
+        line_errors: 1,
+        line_timeouts: 2,
+        checksum_set_ups: 3,
+        pulse: Some(pulse),
+    };
+    let conditions = BlockConditions {
+        first_sample: 1 << 40,
+        first_us: 1 << 41,
+        last_us: (1 << 41) + 9750,
+        delay_us: 374.6,
+        pulse: Some(pulse),
+        board_c: Some(31.5),
+        instrument_c: Some(30.0),
+        sigma_g: Some(2e-5),
+    };
+    let causes = [
+        ("board-power", Cause::Power),
+        ("board-pin", Cause::Pin),
+        ("board-brown-out", Cause::BrownOut),
+        ("board-watchdog", Cause::Watchdog),
+        ("board-software", Cause::Software),
+        ("board-panic", Cause::Panic(Place { line: 300, file })),
+        (
+            "board-hard-fault",
+            Cause::HardFault {
+                address: 0x0800_1234,
+            },
+        ),
+        ("board-clock-lost", Cause::ClockLost),
+    ];
+    let refusals = [
+        ("refused-closing", Refusal::Closing),
+        ("refused-unconditional", Refusal::Unconditional),
+        ("refused-writes", Refusal::Writes { writes: 300 }),
+        ("refused-protected", Refusal::Protected),
+    ];
+    let mut events: Vec<_> = causes
+        .into_iter()
+        .map(|(name, cause)| (name, Event::Board(board(cause))))
+        .collect();
+    events.extend(refusals.map(|(name, reason)| {
+        let sequence = 9;
+        (name, Event::Refused { sequence, reason })
+    }));
+    events.extend([
+        ("event-conditions", Event::Conditions(conditions)),
+        ("event-certified", Event::Certified(Some(certified()))),
+        ("event-certified-none", Event::Certified(None)),
+    ]);
+    let clock_hz = 16_384_000;
+    let fault = Fault::Clock { clock_hz };
+    events.push((
+        "fault-clock",
+        Event::Fault {
+            sample: 1000,
+            fault,
+        },
+    ));
     events
 }
 

@@ -4,12 +4,15 @@
 use firmware::adc::Conversion;
 use firmware::app::{App, Keep};
 use firmware::link::{MAX_ORDERS, Queues, RAW_SAMPLES};
-use firmware::sampler::Sampler;
+use firmware::sampler::{Around, Sampler};
 use firmware::store::Kept;
 use shared::compensate::{Mode, Source};
 use shared::model::FURTHER;
 use shared::rectification::Covariance;
-use shared::wire::configuration::{Calibration, Compensation, Configuration};
+use shared::wire::board::{BlockConditions, BoardState, Pulse};
+use shared::wire::configuration::{
+    Calibration, Certified, Compensation, Configuration, Date, Name, Provenance,
+};
 use shared::wire::framing::{Frame, Packet};
 use shared::wire::message::{
     Approach, Coefficients, Command, Event, Identity, Parameter, Plateau, Position, Refusal, Run,
@@ -53,6 +56,8 @@ struct Instrument<'q> {
     app: App<'q>,
     next: u64,
     sequence: u16,
+    board: Option<BoardState>,
+    conditions: Vec<BlockConditions>,
 }
 
 /// What came over the line, without borrowing from it.
@@ -74,6 +79,8 @@ impl<'q> Instrument<'q> {
             app: App::new(IDENTITY, application),
             next: 0,
             sequence: 100,
+            board: None,
+            conditions: Vec::new(),
         }
     }
 
@@ -131,7 +138,17 @@ impl<'q> Instrument<'q> {
                 Event::Check(outcome) => Said::Event(Event::Check(outcome)),
                 Event::CheckBegun(set_up) => Said::Event(Event::CheckBegun(set_up)),
                 Event::Compensated(block) => Said::Event(Event::Compensated(block)),
-                Event::Configuration(known) => Said::Event(Event::Configuration(known)),
+                Event::Configuration(_) => panic!("of version 1"),
+                Event::Certified(known) => Said::Event(Event::Certified(known)),
+                // Asked for where it matters.
+                Event::Board(board) => {
+                    self.board = Some(board);
+                    continue;
+                }
+                Event::Conditions(conditions) => {
+                    self.conditions.push(conditions);
+                    continue;
+                }
                 Event::Stored {
                     sequence,
                     writes,
@@ -326,7 +343,7 @@ fn the_modulus_is_about_the_zero_code_of_the_coefficients() {
     assert_eq!(block.moments.modulus[0], modulus);
 }
 
-fn configuration() -> Configuration {
+fn configuration() -> Certified {
     Configuration {
         compensation: Compensation {
             mode: Some(Mode::Block),
@@ -342,6 +359,15 @@ fn configuration() -> Configuration {
             rank: 11,
         }),
     }
+    .into()
+}
+
+/// Replaces what was written as that.
+fn replace(writes: u32, certified: Certified) -> Command {
+    Command::Replace {
+        writes,
+        certified: Some(certified),
+    }
 }
 
 #[test]
@@ -349,7 +375,7 @@ fn a_configuration_holds_from_the_next_sample_on_is_kept_and_is_read_back() {
     let mut queues = Queues::new();
     let mut instrument = Instrument::greeted(&mut queues);
     instrument.convert(5);
-    let command = Command::Configure(configuration());
+    let command = replace(0, configuration());
     let said = instrument.ask(command);
     assert!(said.contains(&instrument.ack(5)), "{said:?}");
     let sequence = instrument.sequence - 1;
@@ -358,7 +384,7 @@ fn a_configuration_holds_from_the_next_sample_on_is_kept_and_is_read_back() {
     // The memory is busy until it says how it went.
     let keep = Keep {
         sequence,
-        configuration: Some(configuration()),
+        certified: Some(configuration()),
     };
     assert_eq!(instrument.app.keep(), Some(keep));
     assert_eq!(instrument.app.keep(), None);
@@ -395,14 +421,14 @@ fn a_configuration_holds_from_the_next_sample_on_is_kept_and_is_read_back() {
 
     let said = instrument.ask(Command::AskConfiguration);
     let asked = instrument.sequence - 1;
-    let known = Said::Event(Event::Configuration(Some(configuration())));
+    let known = Said::Event(Event::Certified(Some(configuration())));
     assert_eq!(said, [known, stored(asked), instrument.ack(13)]);
 
-    instrument.ask(Command::EraseConfiguration);
-    assert_eq!(
-        instrument.app.keep().map(|keep| keep.configuration),
-        Some(None)
-    );
+    instrument.ask(Command::Replace {
+        writes: 4,
+        certified: None,
+    });
+    assert_eq!(instrument.app.keep().map(|keep| keep.certified), Some(None));
     assert!(!instrument.state().compensating);
     assert_eq!(instrument.app.coefficients(), None);
 }
@@ -425,16 +451,17 @@ fn a_configuration_that_cannot_be_is_refused_and_changes_nothing() {
     ];
     for spoil in spoilt {
         let mut wrong = configuration();
-        let mut calibration = wrong.calibration.expect("one");
-        spoil(&mut wrong, &mut calibration);
-        wrong.calibration = Some(calibration);
-        let said = instrument.ask(Command::Configure(wrong));
+        let inner = &mut wrong.configuration;
+        let mut calibration = inner.calibration.expect("one");
+        spoil(inner, &mut calibration);
+        inner.calibration = Some(calibration);
+        let said = instrument.ask(replace(0, wrong));
         let refusal = Refusal::Parameter(Parameter::Configuration);
         assert_eq!(said, [instrument.refused(refusal)]);
         assert_eq!(instrument.app.keep(), None);
     }
     instrument.ask(Command::StartRun(RUN));
-    let said = instrument.ask(Command::Configure(configuration()));
+    let said = instrument.ask(replace(0, configuration()));
     assert_eq!(said, [instrument.refused(Refusal::Open(Segment::Run(RUN)))]);
 }
 
@@ -550,4 +577,124 @@ fn garbage_is_counted_and_the_next_command_is_heard() {
     let said = instrument.ask(Command::StartPosition(POSITION));
     assert_eq!(said, [instrument.ack(0)]);
     assert!(instrument.state().rejected_frames > 100);
+}
+
+#[test]
+fn a_reading_that_is_being_closed_is_not_overwritten_by_the_next() {
+    let mut queues = Queues::new();
+    let mut instrument = Instrument::greeted(&mut queues);
+    instrument.ask(Command::StartPosition(POSITION));
+    instrument.convert(5);
+    // Both arrive before the acquisition has carried out the first.
+    instrument.send(Command::StopPosition);
+    instrument.send(Command::StartPosition(POSITION));
+    let said = instrument.listen();
+    assert_eq!(said, [instrument.refused(Refusal::Closing)]);
+    instrument.obey();
+    instrument.listen();
+    let said = instrument.ask(Command::StartPosition(POSITION));
+    assert_eq!(said, [instrument.ack(5)]);
+}
+
+#[test]
+fn the_memory_is_not_written_by_who_does_not_know_what_it_holds() {
+    let mut queues = Queues::new();
+    let mut instrument = Instrument::greeted(&mut queues);
+    for unconditional in [
+        Command::Configure(configuration().configuration),
+        Command::EraseConfiguration,
+    ] {
+        let said = instrument.ask(unconditional);
+        assert_eq!(said, [instrument.refused(Refusal::Unconditional)]);
+    }
+    let said = instrument.ask(replace(3, configuration()));
+    assert_eq!(said, [instrument.refused(Refusal::Writes { writes: 0 })]);
+    instrument.app.board().write_protected = true;
+    let said = instrument.ask(replace(0, configuration()));
+    assert_eq!(said, [instrument.refused(Refusal::Protected)]);
+    assert_eq!(instrument.app.keep(), None);
+    instrument.app.board().write_protected = false;
+    instrument.ask(replace(0, configuration()));
+    assert!(instrument.app.keep().is_some());
+}
+
+#[test]
+fn a_configuration_says_whose_it_is_and_which_firmware_accepted_it() {
+    let mut queues = Queues::new();
+    let mut instrument = Instrument::greeted(&mut queues);
+    let provenance = Provenance {
+        serial: Name::new("V00007").expect("a name"),
+        date: Date {
+            year: 2026,
+            month: 2,
+            day: 28,
+        },
+        campaign: [7; 32],
+        temperature_c: Some([15.0, 35.0]),
+        accepted_by: None,
+    };
+    let certified = Certified {
+        provenance: Some(provenance),
+        ..configuration()
+    };
+    instrument.ask(replace(0, certified));
+    let kept = instrument.app.keep().and_then(|keep| keep.certified);
+    let kept = kept.and_then(|kept| kept.provenance).expect("one");
+    assert_eq!(kept.accepted_by, Some(IDENTITY.firmware));
+    assert_eq!(
+        (kept.serial.as_str(), kept.date),
+        ("V00007", provenance.date)
+    );
+
+    let mut nameless = certified;
+    nameless.provenance = Some(Provenance {
+        date: Date {
+            month: 13,
+            ..provenance.date
+        },
+        ..provenance
+    });
+    instrument.app.stored(Kept::default());
+    instrument.listen();
+    let said = instrument.ask(replace(0, nameless));
+    let refusal = Refusal::Parameter(Parameter::Configuration);
+    assert_eq!(said, [instrument.refused(refusal)]);
+    // A drift a kelvin counts from somewhere.
+    let mut nowhere = configuration();
+    nowhere.errors.bias_g_per_k = 1e-6;
+    let said = instrument.ask(replace(0, nowhere));
+    assert_eq!(said, [instrument.refused(refusal)]);
+}
+
+#[test]
+fn every_block_says_which_time_it_is_for() {
+    let mut queues = Queues::new();
+    let mut instrument = Instrument::greeted(&mut queues);
+    instrument.sampler.set_delay(374.6);
+    instrument.sampler.set_around(Around {
+        board_c: Some(31.5),
+        instrument_c: None,
+        time_base_unsure: false,
+    });
+    instrument.convert(u64::from(BLOCK));
+    instrument.sampler.set_pulse(Pulse {
+        count: 3,
+        time_us: 12_345,
+    });
+    instrument.convert(u64::from(BLOCK));
+    instrument.listen();
+    let [first, second] = instrument.conditions[..] else {
+        panic!("{:?}", instrument.conditions);
+    };
+    assert_eq!(
+        (first.first_sample, first.first_us, first.last_us),
+        (0, 0, 39 * 250)
+    );
+    assert_eq!((second.first_sample, second.first_us), (40, 40 * 250));
+    assert_eq!(
+        (first.pulse, second.pulse.map(|p| p.count)),
+        (None, Some(3))
+    );
+    assert_eq!((second.delay_us, second.board_c), (374.6, Some(31.5)));
+    assert_eq!(second.sigma_g, None);
 }

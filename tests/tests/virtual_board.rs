@@ -5,7 +5,8 @@ use host::bench::board::VirtualBoard;
 use host::bench::converter::{Converter, DrdyPin, Faults, Quiet, Signal};
 use host::bench::flash::{self, Flash};
 use shared::compensate::{Mode, Source};
-use shared::wire::configuration::{Compensation, Configuration};
+use shared::wire::board::BlockConditions;
+use shared::wire::configuration::{Certified, Compensation, Configuration};
 use shared::wire::framing::Deframer;
 use shared::wire::message::{
     Block, Command, CompensatedBlock, Event, Fault, Plateau, Run, Segment, State, StoreFault,
@@ -38,7 +39,8 @@ struct Heard {
     raw_samples: u64,
     state: Option<State>,
     compensated: Vec<CompensatedBlock>,
-    configuration: Option<Configuration>,
+    certified: Option<Certified>,
+    conditions: Vec<BlockConditions>,
     stored: Vec<(u32, Option<StoreFault>)>,
 }
 
@@ -85,7 +87,10 @@ impl Line {
                         panic!("nobody asked for {event:?}")
                     }
                     Event::Compensated(block) => heard.compensated.push(block),
-                    Event::Configuration(configuration) => heard.configuration = configuration,
+                    Event::Certified(certified) => heard.certified = certified,
+                    Event::Configuration(_) => panic!("of version 1"),
+                    Event::Board(_) => {}
+                    Event::Conditions(conditions) => heard.conditions.push(conditions),
                     Event::Stored { writes, fault, .. } => heard.stored.push((writes, fault)),
                     Event::Raw(raw) => heard.raw_samples += raw.samples().len() as u64,
                     Event::State(state) => heard.state = Some(state),
@@ -98,6 +103,11 @@ impl Line {
 
     fn send(&mut self, command: Command) {
         self.board.send(&command).expect("fits");
+        self.run(0, &mut Quiet);
+    }
+
+    fn replace(&mut self, certified: Option<Certified>) {
+        self.board.replace(certified).expect("fits");
         self.run(0, &mut Quiet);
     }
 
@@ -277,7 +287,7 @@ fn a_register_that_takes_no_writing_stops_the_acquisition_by_name() {
     };
     line.run(1000, &mut Quiet);
     let stuck = Fault::Register {
-        address: Register::Clock as u8,
+        address: Register::Clock.address(),
         written: 0x0F06,
         read: 0x0F0E,
     };
@@ -310,7 +320,7 @@ fn a_configuration_outlives_a_loss_of_power_and_a_memory_that_fails_stops_nothin
         calibration: None,
     };
     let mut line = Line::new(Config::default());
-    line.send(Command::Configure(configuration));
+    line.replace(Some(configuration.into()));
     line.run(1, &mut Quiet);
     assert_eq!(line.heard.stored, [(1, None)]);
 
@@ -318,12 +328,12 @@ fn a_configuration_outlives_a_loss_of_power_and_a_memory_that_fails_stops_nothin
     flash.fault = flash::Fault::Deaf;
     let mut line = Line::with_memory(Config::default(), flash);
     line.send(Command::AskConfiguration);
-    assert_eq!(line.heard.configuration, Some(configuration));
+    assert_eq!(line.heard.certified, Some(configuration.into()));
     line.run(200, &mut Quiet);
     assert!(line.heard.compensated.len() >= 10);
     assert!(line.heard.compensated.iter().skip(1).all(|b| b.count == 20));
 
-    line.send(Command::EraseConfiguration);
+    line.replace(None);
     line.run(200, &mut Quiet);
     let kept = (1, None);
     let failed = (1, Some(StoreFault::Verify));

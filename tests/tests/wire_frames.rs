@@ -1,7 +1,7 @@
 //! Framing: what is packed comes back, what is damaged is named, and no bytes make it panic.
 
 use shared::wire::framing::{Deframer, Frame, FrameError, MAX_FRAME, Packet};
-use shared::wire::message::{Command, Event, MAX_RAW_SAMPLES, Raw, SAMPLE, Segment, pack};
+use shared::wire::message::{Command, Event, MAX_RAW_SAMPLES, Message, Raw, SAMPLE, Segment, pack};
 use shared::wire::version::{self, Version};
 
 /// Pseudo-random bytes (Marsaglia's xorshift), the same in every run.
@@ -198,8 +198,21 @@ fn crc32(bytes: &[u8]) -> u32 {
 
 #[test]
 fn left_over_bytes_are_an_error() {
+    struct Longer(Command, u8);
+    impl serde::Serialize for Longer {
+        fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            (self.0, self.1).serialize(serializer)
+        }
+    }
+    impl Message for Longer {
+        fn version(&self) -> Version {
+            self.0.version()
+        }
+    }
     let mut frame = Frame::new();
-    frame.encode(&(Command::AskState, 0u8), 1).expect("fits");
+    frame
+        .encode(&Longer(Command::AskState, 0), 1)
+        .expect("fits");
     let mut stuffed = frame.as_bytes()[..frame.as_bytes().len() - 1].to_vec();
     let packet = Packet::open(&mut stuffed).expect("sound");
     assert_eq!(packet.message::<Command>(), Err(FrameError::Message));

@@ -3,6 +3,7 @@
 //! A board may do better. Reading a conversion is always the same frame, so that hardware and interrupts can fetch
 //! conversions ahead while the software sleeps; each comes with the edge of DRDY at which it was fetched.
 
+use ads131m0x::asynchronous::Transport;
 use embassy_futures::select::{Either, select};
 use embedded_hal::digital::{Error as _, ErrorKind as PinError};
 use embedded_hal::spi::{Error as _, ErrorKind as SpiError};
@@ -12,6 +13,7 @@ use embedded_hal_async::spi::SpiDevice;
 
 use super::count::{Edge, Timers};
 use super::frame::{self, ChecksumError, FRAME, NULL, Response};
+use super::registers::{has_data, is_sound_but_for};
 
 /// A conversion as it was fetched.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +28,7 @@ impl Fetched {
     /// True when the converter had nothing new to say: DRDY was low for no reason.
     pub fn is_empty(&self) -> bool {
         let sound = self.response.map(|response| response.status());
-        sound.is_ok_and(|status| status.is_sound_but_for(0) && !status.has_data())
+        sound.is_ok_and(|status| is_sound_but_for(status, 0) && !has_data(status))
     }
 }
 
@@ -75,6 +77,10 @@ pub trait FrameBus: Timers {
 
     /// True while a conversion that was fetched ahead waits for [`Self::fetch`].
     fn has_fetched(&self) -> bool;
+
+    /// Puts the bus in order, whatever it was in the middle of: nothing is under way afterwards, nothing fetched, and no
+    /// byte is left in its registers that would shift every frame to come.
+    async fn recover(&mut self);
 
     /// Lets others run for that long.
     async fn pause_us(&mut self, duration_us: u32);
@@ -135,7 +141,27 @@ where
         false
     }
 
+    /// The device leaves nothing behind between two transactions, or its own driver is at fault.
+    async fn recover(&mut self) {}
+
     async fn pause_us(&mut self, duration_us: u32) {
         self.delay.delay_us(duration_us).await;
+    }
+}
+
+/// A bus as the way to the converter of its driver, for setting it up.
+pub(super) struct Through<'b, BUS>(pub &'b mut BUS);
+
+impl<BUS: FrameBus> Transport for Through<'_, BUS> {
+    type Error = SpiError;
+
+    async fn transfer(&mut self, received: &mut [u8], sent: &[u8]) -> Result<(), SpiError> {
+        // The driver's frames are as long as this bus's, since their format is the same.
+        let (Ok(sent), Ok(received)) = (sent.try_into(), <&mut [u8; FRAME]>::try_from(received))
+        else {
+            return Err(SpiError::Other);
+        };
+        *received = self.0.exchange(sent).await?;
+        Ok(())
     }
 }

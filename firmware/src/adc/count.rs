@@ -6,7 +6,9 @@
 //! the period is known. It is that of the configuration, unless the converter runs on another clock, and is followed
 //! by a phase-locked loop.
 
-use super::registers::Config;
+use ads131m0x::PowerMode;
+
+use super::registers::{Config, Gain};
 
 /// The last falling edge of DRDY.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,13 +36,16 @@ const FRACTION: u32 = 16;
 const PHASE_SHIFT: u32 = 4;
 const PERIOD_SHIFT: u32 = 10;
 
-/// The fastest clock that is followed, as a shift: 16 times that of the configuration.
-const FASTEST: u32 = 4;
+/// The shortest conversion period that is believed, as a share of 1/100 of that at the fastest clock that the data sheet
+/// allows: 1 % for a board on its internal oscillator, 1 % for reading the edges in whole microseconds.
+const SHORTEST_PERCENT: i64 = 98;
 
 /// Counts conversions, without any input or output.
 #[derive(Clone, Debug)]
 pub struct ConversionCount {
     nominal: i64,
+    /// The shortest period that is believed.
+    shortest: i64,
     period: i64,
     /// When the last conversion ended that was accounted for.
     beat: i64,
@@ -55,11 +60,17 @@ impl ConversionCount {
     /// Before the first conversion.
     pub fn new(config: &Config) -> Self {
         let cycles = u64::from(config.oversampling.clock_cycles());
-        let period = ((cycles * 1_000_000) << FRACTION) / u64::from(config.clock_hz.max(1));
-        // At the most 16 384 cycles of a clock of 1 Hz.
-        let nominal = i64::try_from(period).unwrap_or(i64::MAX >> FRACTION);
+        let period = |clock_hz: u32| {
+            let period = ((cycles * 1_000_000) << FRACTION) / u64::from(clock_hz.max(1));
+            // At the most 32 768 cycles of a clock of 1 Hz.
+            i64::try_from(period).unwrap_or(i64::MAX >> FRACTION)
+        };
+        let nominal = period(config.clock_hz);
+        let gains = config.gains.map(Gain::factor).into_iter().max();
+        let clocks = PowerMode::HighResolution.clocks_hz(config.gains.len(), gains.unwrap_or(1));
         Self {
             nominal,
+            shortest: period(*clocks.end()) * SHORTEST_PERCENT / 100,
             period: nominal,
             beat: 0,
             rest: 0,
@@ -74,6 +85,13 @@ impl ConversionCount {
         u32::try_from(self.period >> FRACTION).unwrap_or(u32::MAX)
     }
 
+    /// The master clock that makes conversions of such a period, in 1/65536 us, Hz.
+    pub fn clock_hz(period: i64, config: &Config) -> u32 {
+        let cycles = i64::from(config.oversampling.clock_cycles());
+        let clock_hz = ((cycles * 1_000_000) << FRACTION) / period.max(1);
+        u32::try_from(clock_hz).unwrap_or(u32::MAX)
+    }
+
     /// Index of the conversion that the next edge announces.
     pub fn index(&self) -> u64 {
         self.index
@@ -81,14 +99,20 @@ impl ConversionCount {
 
     /// Looks at the beat over some edges with nothing on the bus. Before the first [`Self::begin`] a much faster one is
     /// believed: the converter runs on another clock, since edges can be missing but are rarely too many.
-    pub fn measure(&mut self, first: Edge, last: Edge) {
+    ///
+    /// # Errors
+    /// The period, in 1/65536 us, that is too short for any clock that the data sheet allows.
+    pub fn measure(&mut self, first: Edge, last: Edge) -> Result<(), i64> {
         let edges = i64::from(last.count.wrapping_sub(first.count));
         let time = fixed(last.time_us).wrapping_sub(fixed(first.time_us));
-        let faster = (self.nominal >> FASTEST)..=(self.nominal / 4 * 3);
         match time.checked_div(edges) {
-            Some(period) if !self.started && faster.contains(&period) => self.period = period,
+            Some(period) if period < self.shortest => return Err(period),
+            Some(period) if !self.started && period <= self.nominal / 4 * 3 => {
+                self.period = period;
+            }
             _ => {}
         }
+        Ok(())
     }
 
     /// Begins to count at an edge: conversions until now were lost, except the first time, when the index stays zero.

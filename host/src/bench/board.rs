@@ -27,6 +27,7 @@ use firmware::sampler::{Acquisition, Sampler};
 use firmware::store::Store;
 use shared::identify::static_test::workspace_len;
 use shared::self_check::{MARKS, MOUNTS, SelfCheck, SetUp};
+use shared::wire::configuration::Certified;
 use shared::wire::framing::{EncodeError, Frame};
 use shared::wire::message::{Command, Identity};
 use shared::wire::version;
@@ -363,6 +364,15 @@ impl VirtualBoard {
         Ok(sequence)
     }
 
+    /// Makes it keep this in place of what it keeps, or nothing.
+    ///
+    /// # Errors
+    /// As [`Self::send`].
+    pub fn replace(&mut self, certified: Option<Certified>) -> Result<u16, EncodeError> {
+        let writes = self.app.kept().writes;
+        self.send(&Command::Replace { writes, certified })
+    }
+
     /// Bytes on the line to the instrument.
     pub fn receive(&mut self, bytes: &[u8]) {
         self.app.receive(bytes);
@@ -417,7 +427,7 @@ impl VirtualBoard {
         } = self;
         // As the bus, the memory takes no time.
         if let Some(keep) = app.keep() {
-            app.stored(block_on(memory.keep(keep.configuration.as_ref())));
+            app.stored(block_on(memory.keep(keep.certified.as_ref())));
         }
         let mut line = Line { app, frame };
         let mut context = Context::from_waker(Waker::noop());

@@ -1,20 +1,23 @@
-//! The ADS131M04 as seen from its pins (data sheet SBAS890): registers, commands, answers, checksums, the buffer of
-//! two conversions, DRDY, and in front the sinc3 filter, gain and quantisation.
+//! The ADS131M04 as seen from its pins (data sheet SBAS890D): registers, commands, answers, checksums, the buffer of
+//! two conversions, DRDY, and in front the filter, gain and quantisation.
 //!
 //! Plain code without time: whoever owns a [`Converter`] says when it converts. The emulator's bus goes byte by byte
 //! ([`Converter::select`], [`Converter::exchange`], [`Converter::deselect`]), the virtual board by whole frames.
 //!
 //! Simplified: conversions keep their beat through resets and settings; global chop, phase delays, calibration and
-//! power modes are not modelled; the filter's response is that of sinc3 at [`OVERSAMPLING`] times the data rate,
-//! which has the same zeros and at half of the data rate 2 % more gain than at the modulator's.
+//! power modes are not modelled; words have 24 bits and CCITT checksums; the filter's response is that of the part's at
+//! [`OVERSAMPLING`] times the data rate ([`filter`]). The register map's checksum is looked at when a conversion ends.
 
-use firmware::adc::frame::{self, FRAME, RESET_RESPONSE};
-use firmware::adc::registers::{Config, ID, REFERENCE_V, Register, Status};
+use firmware::adc::ads131m0x::registers::last_writable_address;
+use firmware::adc::frame::{CHANNELS, FORMAT, FRAME, reset_answer};
+use firmware::adc::registers::{
+    Config, Identification, Oversampling, REFERENCE_V, Register, Settings, Status,
+};
 
 /// Input values for each conversion.
 pub const OVERSAMPLING: usize = 8;
 
-/// Length of the sinc3 response, in input values.
+/// Length of the longest response, that of sinc3, in input values.
 const TAPS: usize = 3 * OVERSAMPLING - 2;
 
 /// Input values that one conversion shares with those after it.
@@ -72,6 +75,10 @@ pub struct Converter {
     registers: [u16; 64],
     locked: bool,
     input_checksum_error: bool,
+    /// The checksum of the register map changed.
+    register_map_changed: bool,
+    /// Clock cycles in which it may change once more, since a register was written.
+    register_map_cycles: u32,
     held_in_reset: bool,
     /// The beginning of the next frame: an answer, or the status if there is none.
     answer: Option<u16>,
@@ -89,15 +96,15 @@ pub struct Converter {
     code_per_v: [f64; 4],
 }
 
-const MODE: usize = Register::Mode as usize;
-const CLOCK: usize = Register::Clock as usize;
-const GAIN1: usize = Register::Gain1 as usize;
-const CFG: usize = Register::Cfg as usize;
+const MODE: usize = Register::Mode.address() as usize;
+const GAIN1: usize = Register::Gain1.address() as usize;
 
 /// MODE: the converter was reset.
 const MODE_RESET: u16 = 1 << 10;
 /// MODE: the checksum of what comes in is checked.
 const MODE_INPUT_CHECKSUM: u16 = 1 << 12;
+/// MODE: the checksum of the register map is watched.
+const MODE_REGISTER_MAP: u16 = 1 << 13;
 
 impl Converter {
     /// After power-up, at a board that is wired and will be set so.
@@ -108,6 +115,8 @@ impl Converter {
             registers: [0; 64],
             locked: false,
             input_checksum_error: false,
+            register_map_changed: false,
+            register_map_cycles: 0,
             held_in_reset: false,
             answer: None,
             buffer: [[0; 4]; 2],
@@ -118,7 +127,7 @@ impl Converter {
             received: [0; FRAME],
             position: 0,
             history: [[0.0; 4]; HISTORY],
-            taps: sinc3(),
+            taps: filter(config.oversampling),
             code_per_v: [0.0; 4],
         };
         converter.reset();
@@ -132,13 +141,15 @@ impl Converter {
 
     /// Back to the state after power-up: by the command, the pin or a fault of the supply.
     pub fn reset(&mut self) {
-        self.registers = [0; 64];
-        self.registers[MODE] = 0x0510;
-        self.registers[CLOCK] = 0x0F0E;
-        self.registers[CFG] = 0x0600;
+        self.registers = std::array::from_fn(|address| {
+            let register = Register::at(address as u8, CHANNELS);
+            register.map_or(0, |register| register.reset_value(CHANNELS))
+        });
         self.locked = false;
         self.input_checksum_error = false;
-        self.answer = Some(RESET_RESPONSE);
+        self.register_map_changed = false;
+        self.register_map_cycles = 0;
+        self.answer = Some(reset_answer(CHANNELS));
         self.buffered = 0;
         self.set_gains();
     }
@@ -199,6 +210,24 @@ impl Converter {
         if self.faults.drdy == DrdyPin::Sound {
             self.edges = self.edges.wrapping_add(1);
         }
+        // One pass has seen a write half done, the next one whole: each changes the checksum.
+        self.register_map_changed |= self.register_map_cycles > 0;
+        let period = self.config.oversampling.clock_cycles();
+        self.register_map_cycles = self.register_map_cycles.saturating_sub(period);
+    }
+
+    /// Writes a register, if it is one that can be written.
+    fn write(&mut self, register: Register, value: u16) {
+        let address = register.address();
+        let writable = (2..=last_writable_address(CHANNELS)).contains(&address);
+        if !writable || self.faults.stuck_register == Some(register) {
+            return;
+        }
+        let changed = std::mem::replace(&mut self.registers[usize::from(address)], value) != value;
+        if changed && self.registers[MODE] & MODE_REGISTER_MAP != 0 {
+            self.register_map_cycles = Settings::<CHANNELS>::RESET.register_map_cycles();
+        }
+        self.set_gains();
     }
 
     fn set_gains(&mut self) {
@@ -218,16 +247,30 @@ impl Converter {
         if self.input_checksum_error {
             status |= Status::INPUT_CHECKSUM;
         }
+        if self.register_map_changed {
+            status |= Status::REGISTER_MAP;
+        }
         if self.buffered > 0 {
-            status |= Status::DATA;
+            status |= Status::data_bits(CHANNELS);
         }
         status
     }
 
-    fn read_register(&self, address: u16) -> u16 {
+    /// The status word on its way out, which clears what it tells of.
+    fn put_status_out(&mut self) -> u16 {
+        let status = self.status();
+        self.input_checksum_error = false;
+        self.register_map_changed = false;
+        status
+    }
+
+    fn read_register(&mut self, address: u16) -> u16 {
         match address {
-            0x00 => self.faults.id.unwrap_or(ID | 0x01),
-            0x01 => self.status(),
+            0x00 => self
+                .faults
+                .id
+                .unwrap_or(Identification::of(CHANNELS).0 | 0x01),
+            0x01 => self.put_status_out(),
             _ => self.registers[usize::from(address & 0x3F)],
         }
     }
@@ -238,11 +281,7 @@ impl Converter {
         self.received = [0; FRAME];
         let word = match self.answer.take() {
             Some(word) => word,
-            None => {
-                let status = self.status();
-                self.input_checksum_error = false;
-                status
-            }
+            None => self.put_status_out(),
         };
         if self.buffered > 0 {
             self.last = self.buffer[0];
@@ -254,7 +293,7 @@ impl Converter {
         for (place, code) in sent[3..15].as_chunks_mut::<3>().0.iter_mut().zip(self.last) {
             place.copy_from_slice(&code.to_be_bytes()[1..]);
         }
-        let mut sum = frame::checksum(&sent[..15]);
+        let mut sum = FORMAT.polynomial.checksum(&sent[..15]);
         if self.faults.wrong_checksums > 0 {
             self.faults.wrong_checksums -= 1;
             sum ^= 0x0100;
@@ -310,12 +349,22 @@ impl Converter {
         } else {
             0
         };
+        let mut sound = true;
         if self.registers[MODE] & MODE_INPUT_CHECKSUM != 0 {
             let end = 1 + registers.min(4);
-            if frame::checksum(&self.received[..3 * end]) != word(end) {
-                self.input_checksum_error = true;
-                return;
+            sound = FORMAT.polynomial.checksum(&self.received[..3 * end]) == word(end);
+            self.input_checksum_error |= !sound;
+        }
+        if !sound {
+            // A register is written as it comes in, before its checksum is known (section 8.5.1.10.8).
+            if is_write && !self.locked {
+                let register = Register::at((command >> 7 & 0x3F) as u8, CHANNELS);
+                let value = word(1);
+                if let Some(register) = register {
+                    self.write(register, value);
+                }
             }
+            return;
         }
         self.answer = match command {
             0x0000 => None,
@@ -333,10 +382,8 @@ impl Converter {
             _ if is_write => {
                 let address = command >> 7 & 0x3F;
                 let value = word(1);
-                let stuck = self.faults.stuck_register.map(|r| r as u16) == Some(address);
-                if address > 1 && !stuck {
-                    self.registers[usize::from(address)] = value;
-                    self.set_gains();
+                if let Some(register) = Register::at(address as u8, CHANNELS) {
+                    self.write(register, value);
                 }
                 Some(0x4000 | address << 7)
             }
@@ -345,46 +392,136 @@ impl Converter {
     }
 }
 
-/// Three moving means over [`OVERSAMPLING`] values one after the other, as one response of unit gain.
-fn sinc3() -> [f64; TAPS] {
+/// The filter as one response of unit gain: three moving means over the sinc3's share of a conversion one after the other,
+/// then the mean over the outputs that the sinc1 takes (section 8.3.7.1.2). At a ratio of 16384 the sinc3's share is half
+/// an input value; it is left out.
+fn filter(oversampling: Oversampling) -> [f64; TAPS] {
+    let sinc1 = (oversampling.sinc1_ratio() as usize).min(OVERSAMPLING);
+    let sinc3 = OVERSAMPLING / sinc1;
     let mut response = vec![1.0];
-    for _ in 0..3 {
-        let mut next = vec![0.0; response.len() + OVERSAMPLING - 1];
+    for (length, spread) in [(sinc3, 1), (sinc3, 1), (sinc3, 1), (sinc1, sinc3)] {
+        let mut next = vec![0.0; response.len() + (length - 1) * spread];
         for (n, value) in response.iter().enumerate() {
-            for sum in &mut next[n..n + OVERSAMPLING] {
-                *sum += value / OVERSAMPLING as f64;
+            for k in 0..length {
+                next[n + k * spread] += value / length as f64;
             }
         }
         response = next;
     }
-    std::array::from_fn(|n| response[n])
+    // The last input value is the newest: a shorter response begins later.
+    let before = TAPS - response.len();
+    std::array::from_fn(|n| n.checked_sub(before).map_or(0.0, |n| response[n]))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use firmware::adc::frame::Command;
+
+    /// Gain at a frequency, in cycles a conversion.
+    fn gain(taps: &[f64; TAPS], cycles_per_conversion: f64) -> f64 {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (n, tap) in taps.iter().enumerate() {
+            let phase =
+                std::f64::consts::TAU * cycles_per_conversion * n as f64 / OVERSAMPLING as f64;
+            re += tap * phase.cos();
+            im += tap * phase.sin();
+        }
+        f64::hypot(re, im)
+    }
 
     #[test]
-    fn filter_has_unit_gain_and_the_zeros_of_sinc3() {
-        let taps = sinc3();
-        let response = |cycles_per_conversion: f64| {
-            let (mut re, mut im) = (0.0, 0.0);
-            for (n, tap) in taps.iter().enumerate() {
-                let phase =
-                    std::f64::consts::TAU * cycles_per_conversion * n as f64 / OVERSAMPLING as f64;
-                re += tap * phase.cos();
-                im += tap * phase.sin();
+    fn filter_has_unit_gain_and_zeros_at_multiples_of_the_data_rate() {
+        for oversampling in Oversampling::ALL {
+            let taps = filter(oversampling);
+            assert!((gain(&taps, 0.0) - 1.0).abs() < 1e-15);
+            for zero in 1..OVERSAMPLING {
+                assert!(gain(&taps, zero as f64) < 1e-12, "{oversampling:?} {zero}");
             }
-            f64::hypot(re, im)
-        };
-        assert!((response(0.0) - 1.0).abs() < 1e-15);
-        for zero in 1..OVERSAMPLING {
-            assert!(response(zero as f64) < 1e-12);
         }
         // THEORY's figures for the converter at 4 kSPS: m2 keeps 95 % at 300 Hz, 53 % at 1 kHz, 7 % at 2 kHz.
         for (hz, kept) in [(300.0, 0.95), (1000.0, 0.53), (2000.0, 0.07)] {
-            assert!((response(hz / 4000.0).powi(2) - kept).abs() < 0.01, "{hz}");
+            let taps = filter(Oversampling::X1024);
+            assert!(
+                (gain(&taps, hz / 4000.0).powi(2) - kept).abs() < 0.01,
+                "{hz}"
+            );
         }
+    }
+
+    #[test]
+    fn from_a_ratio_of_2048_on_the_droop_is_that_of_sinc3_of_1024_and_a_mean() {
+        // |sin(pi f N / fm) / (N sin(pi f / fm))| (equation 7), the modulator at 2^20 cycles a conversion, where its own
+        // droop is none.
+        let mean = |x: f64, length: f64| {
+            let step = std::f64::consts::PI * x / length;
+            (std::f64::consts::PI * x).sin() / (length * step.sin())
+        };
+        for (oversampling, m) in [
+            (Oversampling::X1024, 1.0),
+            (Oversampling::X2048, 2.0),
+            (Oversampling::X4096, 4.0),
+            (Oversampling::X8192, 8.0),
+            (Oversampling::X16384, 16.0),
+        ] {
+            let x = 0.25;
+            let part = mean(x / m, 1048576.0).powi(3) * if m > 1.0 { mean(x, m) } else { 1.0 };
+            // The model's input is coarser than the modulator: three means of 8 values droop less by 3/6 (pi x / 8)^2.
+            let coarse = 0.5 * (std::f64::consts::PI * x / 8.0).powi(2);
+            assert!(
+                (gain(&filter(oversampling), x) - part).abs() < coarse,
+                "{m}"
+            );
+        }
+    }
+
+    /// A converter that is set up but for the flag of its register map, and the status of the next frame.
+    fn status_after(conversions: u32, converter: &mut Converter) -> Status {
+        for _ in 0..conversions {
+            converter.complete([0; 4]);
+        }
+        exchange(converter, Command::Null);
+        let mut received = [0; FRAME];
+        converter.transfer(&firmware::adc::frame::NULL, &mut received);
+        firmware::adc::frame::decode(&received).unwrap().status()
+    }
+
+    fn exchange(converter: &mut Converter, command: Command) {
+        converter.transfer(&firmware::adc::frame::encode(command), &mut [0; FRAME]);
+    }
+
+    #[test]
+    fn a_write_sets_the_flag_of_the_register_map_until_its_status_is_put_out() {
+        let mut converter = Converter::new(Config::default());
+        exchange(&mut converter, Command::Write(Register::Gain1, 0x1111));
+        // The register map is not watched after a reset.
+        assert!(!status_after(3, &mut converter).register_map_changed());
+        exchange(&mut converter, Command::Write(Register::Mode, 0x3110));
+        exchange(&mut converter, Command::Write(Register::Gain1, 0x2222));
+        // The converter has not looked yet.
+        assert!(!status_after(0, &mut converter).register_map_changed());
+        for _ in 0..3 {
+            converter.complete([0; 4]);
+        }
+        let mut received = [0; FRAME];
+        converter.transfer(&firmware::adc::frame::NULL, &mut received);
+        let told = firmware::adc::frame::decode(&received).unwrap().status();
+        assert!(told.register_map_changed());
+        assert!(!status_after(3, &mut converter).register_map_changed());
+        // What is written again changes nothing.
+        exchange(&mut converter, Command::Write(Register::Gain1, 0x2222));
+        assert!(!status_after(3, &mut converter).register_map_changed());
+    }
+
+    #[test]
+    fn a_write_with_a_wrong_checksum_is_carried_out_and_told() {
+        let mut converter = Converter::new(Config::default());
+        exchange(&mut converter, Command::Write(Register::Mode, 0x3110));
+        let mut frame = firmware::adc::frame::encode(Command::Write(Register::Gain1, 0x0001));
+        frame[4] = 0x03;
+        converter.transfer(&frame, &mut [0; FRAME]);
+        assert_eq!(converter.registers[GAIN1], 0x0003);
+        assert!(converter.input_checksum_error);
     }
 
     #[test]

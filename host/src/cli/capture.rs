@@ -14,7 +14,7 @@ use crate::bench::simulate::{Specification, VirtualBench};
 use crate::campaign::CampaignConfig;
 use crate::capture::{self, Captured};
 use crate::error::Error;
-use crate::source::SerialSource;
+use crate::source::{BAUD, SerialSource};
 
 /// Measure a campaign with its record: on the virtual bench, or the static test of a real instrument
 #[derive(clap::Args)]
@@ -37,6 +37,9 @@ pub struct Capture {
     /// Measure the instrument at this serial port; the dial is turned by hand
     #[arg(long, value_name = "DEV", requires = "bench", conflicts_with_all = ["emulated", "runs", "seed", "dial_sigma"])]
     port: Option<PathBuf>,
+    /// With --port: speed of the line
+    #[arg(long, value_name = "BAUD", default_value_t = BAUD, requires = "port")]
+    baud: u32,
     /// With --port: instrument and bench, in the format of campaign.toml
     #[arg(long, value_name = "FILE", requires = "port")]
     bench: Option<PathBuf>,
@@ -119,7 +122,7 @@ impl Capture {
             dwell: duration("--dwell", self.dwell)?,
             temp_c,
         };
-        let source = SerialSource::open(port)?;
+        let source = SerialSource::open(port, self.baud)?;
         capture::make_way(&self.out)?;
         let mut person = Person::new(console);
         let found = attended::measure(source, &test, &self.out, &mut person)?;

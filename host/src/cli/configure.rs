@@ -8,17 +8,18 @@ use serde::Serialize;
 use shared::compensate::{self, Calibration};
 use shared::model::FURTHER_NAMES;
 use shared::rectification::{Covariance, NOMINAL_RECTIFYING};
-use shared::wire::configuration::Configuration;
+use shared::stated_errors::StatedErrors;
+use shared::wire::configuration::{Certified, Configuration, Date, Provenance};
 use shared::wire::message::StoreFault;
 
 use super::{Command, Console, positive};
 use crate::campaign::Campaign;
-use crate::configuration::configuration;
+use crate::configuration::{configuration, provenance};
 use crate::diagnose::{Diagnosis, Verdict, static_test};
 use crate::error::Error;
 use crate::front_end::FrontEnd;
 use crate::link::{Kept, Link};
-use crate::source::SerialSource;
+use crate::source::{BAUD, SerialSource};
 use crate::statics::{Method, NAMES, identify};
 
 /// Give an instrument the coefficients of a campaign to compensate its vibration error with, which it keeps; or show or erase
@@ -40,9 +41,15 @@ pub struct Configure {
     /// The instrument's serial port
     #[arg(long, value_name = "DEV")]
     port: PathBuf,
+    /// Speed of the line
+    #[arg(long, value_name = "BAUD", default_value_t = BAUD)]
+    baud: u32,
     /// Compensate no longer, and keep nothing
     #[arg(long)]
     erase: bool,
+    /// Also where it keeps the coefficients of another instrument
+    #[arg(long)]
+    force: bool,
     /// By a block's moments or point by point
     #[arg(long, value_enum, default_value = "block")]
     mode: Mode,
@@ -59,6 +66,49 @@ pub struct Configure {
     /// Scale of the reference at the converter, V/g
     #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = positive)]
     reference: f64,
+    #[command(flatten)]
+    errors: Errors,
+}
+
+/// Standard uncertainties that no campaign determines; they widen what each compensated block states.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Standard uncertainties that no campaign determines")]
+struct Errors {
+    /// Change of the scale factor, from the middle of the campaign's temperatures on
+    #[arg(long, value_name = "PPM/K", default_value_t = 0.0, value_parser = not_negative)]
+    scale_per_k: f64,
+    /// Change of the scale factor until the next calibration
+    #[arg(long, value_name = "PPM", default_value_t = 0.0, value_parser = not_negative)]
+    scale_drift: f64,
+    /// Change of the bias, from the middle of the campaign's temperatures on
+    #[arg(long, value_name = "MICROG/K", default_value_t = 0.0, value_parser = not_negative)]
+    bias_per_k: f64,
+    /// Change of the bias until the next calibration
+    #[arg(long, value_name = "MICROG", default_value_t = 0.0, value_parser = not_negative)]
+    bias_drift: f64,
+    /// Nonlinearity of the converter, of full scale; the ADS131M04's is 6 ppm typically
+    #[arg(long, value_name = "PPM", default_value_t = 6.0, value_parser = not_negative)]
+    converter_nonlinearity: f64,
+}
+
+impl Errors {
+    fn stated(&self) -> StatedErrors<f32> {
+        let millionths = |x: f64| (x * 1e-6) as f32;
+        StatedErrors {
+            scale_factor_per_k: millionths(self.scale_per_k),
+            scale_factor_drift: millionths(self.scale_drift),
+            bias_g_per_k: millionths(self.bias_per_k),
+            bias_drift_g: millionths(self.bias_drift),
+            converter_nonlinearity: millionths(self.converter_nonlinearity),
+        }
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+        _ => Err("is not a finite number of at least zero".into()),
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -77,20 +127,47 @@ enum Source {
 #[derive(Serialize)]
 struct Shown {
     configuration: Option<Configuration>,
+    provenance: Option<Origin>,
+    errors: Option<StatedErrors<f32>>,
     writes: u32,
     fault: Option<StoreFault>,
 }
 
+/// Whose coefficients these are, as text.
+#[derive(Serialize)]
+struct Origin {
+    serial: String,
+    /// Year, month, day.
+    date: String,
+    /// SHA-256 of its files, hexadecimal.
+    campaign: String,
+    temperature_c: Option<[f32; 2]>,
+    accepted_by: Option<[u8; 3]>,
+}
+
+impl From<Provenance> for Origin {
+    fn from(known: Provenance) -> Self {
+        let Date { year, month, day } = known.date;
+        Self {
+            serial: known.serial.as_str().into(),
+            date: format!("{year:04}-{month:02}-{day:02}"),
+            campaign: known.campaign.iter().map(|b| format!("{b:02x}")).collect(),
+            temperature_c: known.temperature_c,
+            accepted_by: known.accepted_by,
+        }
+    }
+}
+
 impl Configure {
     /// What the instrument is to have, and a line on the front end that it is reckoned with.
-    fn wanted(&self, campaign: &Path) -> Result<(Configuration, String), Error> {
-        let campaign = Campaign::read(campaign)?.used();
+    fn wanted(&self, folder: &Path) -> Result<(Certified, String), Error> {
+        let campaign = Campaign::read(folder)?.used();
         let known = match &self.diagnosis {
             Some(file) => diagnosed(file, &campaign)?,
             None => {
                 let belonging = static_test(&campaign).belonging;
                 identify(&belonging, Method::LeastSquares, None)?.calibration()
-            },
+            }
         };
         let acquisition = &campaign.config.acquisition;
         let (front_end, stated) = match self.divider {
@@ -111,7 +188,18 @@ impl Configure {
             Source::Reference => compensate::Source::Reference,
             Source::Instrument => compensate::Source::Instrument,
         };
-        let wanted = configuration(&known, &front_end, self.reference, mode, source, self.block);
+        let wanted = Certified {
+            configuration: configuration(
+                &known,
+                &front_end,
+                self.reference,
+                mode,
+                source,
+                self.block,
+            ),
+            provenance: Some(provenance(folder, &campaign)?),
+            errors: self.errors.stated(),
+        };
         if wanted.is_possible() {
             Ok((wanted, format!("front end: {front_end} ({stated})")))
         } else {
@@ -152,6 +240,37 @@ fn diagnosed(file: &Path, campaign: &Campaign) -> Result<Calibration<f64>, Error
     }
 }
 
+/// As it was sent: the instrument adds by which firmware it was accepted.
+fn unaccepted(certified: Certified) -> Certified {
+    Certified {
+        provenance: certified.provenance.map(|known| Provenance {
+            accepted_by: None,
+            ..known
+        }),
+        ..certified
+    }
+}
+
+impl Configure {
+    /// Refuses to put the coefficients of one accelerometer in the place of another's.
+    fn same_instrument(
+        &self,
+        wanted: Option<&Certified>,
+        kept: Option<&Certified>,
+    ) -> Result<(), Error> {
+        let serial = |known: Option<&Certified>| known?.provenance.map(|known| known.serial);
+        match (serial(wanted), serial(kept)) {
+            (Some(wanted), Some(kept)) if wanted != kept => Err(Error::Usage(format!(
+                "--port {}: it keeps the coefficients of instrument {}, the campaign is of {}; --force replaces them",
+                self.port.display(),
+                kept.as_str(),
+                wanted.as_str()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
 impl Command for Configure {
     fn run(self, console: &Console) -> Result<(), Error> {
         // The campaign first: a bad one must not touch the instrument.
@@ -167,14 +286,28 @@ impl Command for Configure {
                 Some(wanted)
             }
         };
-        let mut link = Link::unrecorded(SerialSource::open(&self.port)?)?;
-        let kept = match (wanted, self.erase) {
-            (None, false) => link.ask_configuration()?,
-            (wanted, _) => link.configure(wanted)?,
-        };
+        let mut link = Link::unrecorded(SerialSource::open(&self.port, self.baud)?)?;
+        let mut kept = link.ask_configuration()?;
+        if wanted.is_some() || self.erase {
+            if !self.force {
+                self.same_instrument(wanted.as_ref(), kept.certified.as_ref())?;
+            }
+            kept = link.replace(kept.writes, wanted)?;
+            if kept.fault.is_none() && kept.certified.map(unaccepted) != wanted {
+                return Err(Error::Link {
+                    source_name: self.port.display().to_string(),
+                    problem: "the instrument keeps something else than was sent".into(),
+                });
+            }
+        }
         console.print(text(&kept))?;
         console.json(&Shown {
-            configuration: kept.configuration,
+            configuration: kept.certified.map(|kept| kept.configuration),
+            provenance: kept
+                .certified
+                .and_then(|kept| kept.provenance)
+                .map(Origin::from),
+            errors: kept.certified.map(|kept| kept.errors),
             writes: kept.writes,
             fault: kept.fault,
         })?;
@@ -193,15 +326,31 @@ fn sigma(covariance: &Covariance<f32>, n: usize) -> String {
     format!("  sigma {:.1e}\n", covariance.get(n, n).sqrt())
 }
 
+fn provenance_text(provenance: Option<Provenance>) -> String {
+    let Some(known) = provenance else {
+        return "Nobody says whose coefficients these are.\n".into();
+    };
+    let known = Origin::from(known);
+    let mut text = format!("Instrument {}, sent on {}", known.serial, known.date);
+    if let Some([major, minor, patch]) = known.accepted_by {
+        let _ = write!(text, ", accepted by firmware {major}.{minor}.{patch}");
+    }
+    if let Some([low, high]) = known.temperature_c {
+        let _ = write!(text, ", calibrated from {low} to {high} deg C");
+    }
+    let _ = writeln!(text, ".\nCampaign {}.", known.campaign);
+    text
+}
+
 fn text(kept: &Kept) -> String {
-    let Some(Configuration {
-        compensation,
-        calibration,
-    }) = kept.configuration
-    else {
+    let Some(certified) = kept.certified else {
         return "The instrument keeps nothing and compensates nothing.".into();
     };
-    let mut text = String::new();
+    let Configuration {
+        compensation,
+        calibration,
+    } = certified.configuration;
+    let mut text = provenance_text(certified.provenance);
     match compensation.mode {
         None => text.push_str("The instrument does not compensate.\n"),
         Some(mode) => {

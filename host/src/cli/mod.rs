@@ -46,6 +46,7 @@ macro_rules! commands {
 }
 
 commands! {
+    bring_up::BringUp,
     capture::Capture,
     configure::Configure,
     demo::Demo,

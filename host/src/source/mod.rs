@@ -6,7 +6,7 @@ mod serial;
 use std::io;
 
 pub use file::FileSource;
-pub use serial::SerialSource;
+pub use serial::{BAUD, SerialSource};
 
 /// A live or recorded instrument. Bytes are read as from any [`io::Read`]: 0 bytes are the end, an error of
 /// kind `TimedOut` or `WouldBlock` means that nothing has come yet.

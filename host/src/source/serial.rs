@@ -9,8 +9,8 @@ use serial2::SerialPort;
 use super::Source;
 use crate::error::Error;
 
-/// Baud of the instrument's link.
-pub const BAUD: u32 = 921_600;
+/// Baud of the instrument's link, unless it is told otherwise.
+pub const BAUD: u32 = 1_000_000;
 
 /// How long a read waits for bytes.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -26,13 +26,13 @@ pub struct SerialSource {
 }
 
 impl SerialSource {
-    /// Opens a port at 921 600 baud, eight bits without parity, and throws away what came before.
+    /// Opens a port at so many baud, eight bits without parity, and throws away what came before.
     ///
     /// # Errors
     /// [`Error::Usage`], since it is the port that was asked for.
-    pub fn open(device: &Path) -> Result<Self, Error> {
+    pub fn open(device: &Path, baud: u32) -> Result<Self, Error> {
         let name = device.display().to_string();
-        let port = SerialPort::open(device, BAUD).and_then(|mut port| {
+        let port = SerialPort::open(device, baud).and_then(|mut port| {
             port.set_read_timeout(PATIENCE)?;
             port.set_write_timeout(WRITE_PATIENCE)?;
             port.discard_input_buffer()?;

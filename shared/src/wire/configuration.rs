@@ -1,16 +1,125 @@
-//! What the instrument keeps over a loss of power: the coefficients that it compensates with, and how.
+//! What the instrument keeps over a loss of power: the coefficients that it compensates with and how, of which
+//! instrument they are and where they come from, and the errors that no campaign determines.
 
 use serde::{Deserialize, Serialize};
 
 use crate::channels::CHANNELS;
-use crate::compensate::{self, Compensator, Mode, Scaling, Source};
+use crate::compensate::{self, Compensator, Mode, Scaling, Source, StatedErrors};
 use crate::model::{self, FURTHER, NOMINAL};
 use crate::rectification::Covariance;
+
+/// Longest serial number, bytes.
+pub const NAME: usize = 24;
 
 /// Samples in the shortest block: fewer have no moments to speak of.
 pub const MIN_BLOCK_SAMPLES: u16 = 4;
 
 /// Everything that is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Certified {
+    /// How to compensate, and with what.
+    pub configuration: Configuration,
+    /// Whose coefficients these are; `None`: nobody says.
+    pub provenance: Option<Provenance>,
+    /// Standard uncertainties beside those of the coefficients.
+    pub errors: StatedErrors<f32>,
+}
+
+/// Where coefficients come from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Serial number of the accelerometer.
+    pub serial: Name,
+    /// When they were sent.
+    pub date: Date,
+    /// SHA-256 of the campaign.
+    pub campaign: [u8; 32],
+    /// Lowest and highest temperature at which they hold, degrees Celsius; `None`: not stated.
+    pub temperature_c: Option<[f32; 2]>,
+    /// Version of the firmware that accepted them: major, minor, patch; the instrument fills it in.
+    pub accepted_by: Option<[u8; 3]>,
+}
+
+/// A short text, filled up with zeros.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Name([u8; NAME]);
+
+impl Name {
+    /// `None` for a text that is empty, longer than [`NAME`] bytes, or holds what cannot be printed.
+    pub fn new(text: &str) -> Option<Self> {
+        let mut bytes = [0; NAME];
+        bytes
+            .get_mut(..text.len())?
+            .copy_from_slice(text.as_bytes());
+        let name = Self(bytes);
+        (name.as_str() == text && name.is_possible()).then_some(name)
+    }
+
+    /// The text.
+    pub fn as_str(&self) -> &str {
+        let end = self.0.iter().position(|byte| *byte == 0).unwrap_or(NAME);
+        let text = self.0.get(..end).map(core::str::from_utf8);
+        text.and_then(Result::ok).unwrap_or("")
+    }
+
+    fn is_possible(&self) -> bool {
+        let text = self.as_str();
+        !text.is_empty() && !text.contains(char::is_control)
+    }
+}
+
+/// A day.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Date {
+    /// Year.
+    pub year: u16,
+    /// 1 to 12.
+    pub month: u8,
+    /// 1 to 31.
+    pub day: u8,
+}
+
+impl Provenance {
+    fn is_possible(&self) -> bool {
+        let range = self.temperature_c.unwrap_or([0.0; 2]);
+        self.serial.is_possible()
+            && (1..=12).contains(&self.date.month)
+            && (1..=31).contains(&self.date.day)
+            && range.iter().all(|t| t.is_finite())
+            && range[0] <= range[1]
+    }
+}
+
+impl From<Configuration> for Certified {
+    /// Of nobody, without errors that are stated.
+    fn from(configuration: Configuration) -> Self {
+        Self {
+            configuration,
+            provenance: None,
+            errors: StatedErrors::default(),
+        }
+    }
+}
+
+impl Certified {
+    /// True when every figure can be. Errors a kelvin need a range of temperature that they count from.
+    pub fn is_possible(&self) -> bool {
+        let range = self.provenance.and_then(|known| known.temperature_c);
+        self.configuration.is_possible()
+            && self.provenance.is_none_or(|known| known.is_possible())
+            && self.errors.is_possible()
+            && (range.is_some() || !self.errors.depends_on_temperature())
+    }
+
+    /// The compensator that this describes; `v_per_code` of the four channels. `None` when it is switched off.
+    pub fn compensator(&self, v_per_code: [f64; CHANNELS]) -> Option<Compensator<f32>> {
+        let range = self.provenance.and_then(|known| known.temperature_c);
+        let compensator = self.configuration.compensator(v_per_code)?;
+        Some(compensator.with_errors(self.errors, range))
+    }
+}
+
+/// How to compensate, and with what.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Configuration {
     /// How to compensate.

@@ -1,13 +1,14 @@
 //! The messages. Append-only: variants are never moved, changed or removed, since postcard numbers them by
 //! their order, and no field is ever added to a struct; what is new is a new variant at the end, and raises
-//! [`CURRENT`](super::version::CURRENT).
+//! [`CURRENT`](super::version::CURRENT). A frame is of the version that its message came with.
 //!
 //! Sample indices count the converter's conversions, by its DRDY edges, since the acquisition began. A lost
 //! conversion has an index too, so that a gap in the indices is a loss, and its length how much.
 
 use serde::{Deserialize, Serialize};
 
-use super::configuration::Configuration;
+use super::board::{BlockConditions, BoardState};
+use super::configuration::{Certified, Configuration};
 use super::version::Version;
 use crate::compensate::Quality;
 use crate::self_check::{Outcome, SetUp};
@@ -52,12 +53,19 @@ pub enum Command {
     BeginCheck(SetUp),
     /// Ends the self-check and asks for its outcome, [`Event::Check`].
     Conclude,
-    /// Compensate like this from now on, and keep it; [`Event::Stored`] tells when it is kept.
+    /// Of version 1, which does not say what it replaces: refused, [`Refusal::Unconditional`].
     Configure(Configuration),
-    /// Compensate no longer, and keep nothing; [`Event::Stored`] tells when nothing is kept any more.
+    /// The same.
     EraseConfiguration,
-    /// Answered by [`Event::Configuration`].
+    /// Answered by [`Event::Certified`] and [`Event::Stored`].
     AskConfiguration,
+    /// Compensate like this from now on, and keep it; [`Event::Stored`] tells when it is kept.
+    Replace {
+        /// How often the memory has been written, as the host knows it. If it was written since, this is refused.
+        writes: u32,
+        /// What to keep; `None`: nothing, and compensate no longer.
+        certified: Option<Certified>,
+    },
 }
 
 /// What the instrument says.
@@ -105,11 +113,54 @@ pub enum Event<'a> {
     Stored {
         /// Sequence number of the command's frame.
         sequence: u16,
-        /// How often it has been written; 0 when nothing is kept.
+        /// How often it has been written.
         writes: u32,
         /// Why what is kept is not what the command says.
         fault: Option<StoreFault>,
     },
+    /// The board itself; answers [`Command::Hello`] and [`Command::AskState`] beside their own events.
+    Board(BoardState),
+    /// Which time the last block is for, and under what it was measured.
+    Conditions(BlockConditions),
+    /// What is kept; answers [`Command::AskConfiguration`].
+    Certified(Option<Certified>),
+}
+
+/// What a frame can carry.
+pub trait Message: Serialize {
+    /// The oldest version of the protocol that knows this message. A frame is of that version, so that an older peer
+    /// still understands everything that it knows.
+    fn version(&self) -> Version;
+}
+
+/// The version of the protocol that came first.
+const FIRST: Version = Version(1);
+
+impl Message for Command {
+    fn version(&self) -> Version {
+        match self {
+            Self::Replace { .. } => Version(2),
+            // It tells the host's version, and is understood by all.
+            _ => FIRST,
+        }
+    }
+}
+
+impl Message for Event<'_> {
+    fn version(&self) -> Version {
+        match self {
+            Self::Board(_) | Self::Conditions(_) | Self::Certified(_) => Version(2),
+            Self::Refused {
+                reason:
+                    Refusal::Closing
+                    | Refusal::Unconditional
+                    | Refusal::Writes { .. }
+                    | Refusal::Protected,
+                ..
+            } => Version(2),
+            _ => FIRST,
+        }
+    }
 }
 
 /// The sense in which the dial came to its mark.
@@ -304,6 +355,11 @@ pub enum Fault {
     },
     /// DRDY is low but there is no new conversion.
     NoData,
+    /// The converter's data sheet does not allow its master clock, as it is set or as the beat of its conversions tells.
+    Clock {
+        /// Hz.
+        clock_hz: u32,
+    },
 }
 
 /// Why the memory does not hold what it should.
@@ -341,6 +397,17 @@ pub enum Refusal {
     Busy,
     /// No self-check was begun, or its readings do not determine the coefficients.
     NoCheck,
+    /// A reading is being closed; say it again once that is acknowledged.
+    Closing,
+    /// [`Command::Replace`] says what it replaces, and this command does not.
+    Unconditional,
+    /// The memory was written since.
+    Writes {
+        /// How often it has been.
+        writes: u32,
+    },
+    /// The write-protect pin is set.
+    Protected,
 }
 
 /// A command's parameter.

@@ -7,13 +7,15 @@
 //! ```
 //!
 //! [`version`] says who understands whom, [`message`] what is said ([`Command`] to the instrument, [`Event`]
-//! from it), [`configuration`] what the instrument keeps, [`framing`] how it is packed. Nothing here allocates, and no sequence of bytes makes it panic.
+//! from it), [`configuration`] what the instrument keeps, [`board`] what the board says of itself, [`framing`] how it is
+//! packed. Nothing here allocates, and no sequence of bytes makes it panic.
 
+pub mod board;
 pub mod configuration;
 pub mod framing;
 pub mod message;
 pub mod version;
 
 pub use framing::{Deframer, EncodeError, Frame, FrameError, Packet};
-pub use message::{Command, Event};
+pub use message::{Command, Event, Message};
 pub use version::Version;

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Version of the protocol, the first byte of every frame.
+/// Version of the protocol. The first byte of every frame is the version that its message came with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Version(pub u8);
 
@@ -13,7 +13,7 @@ pub struct Version(pub u8);
 pub const MINIMUM: Version = Version(1);
 
 /// The version that this code speaks.
-pub const CURRENT: Version = Version(1);
+pub const CURRENT: Version = Version(2);
 
 impl Version {
     /// True for a version from [`MINIMUM`] to [`CURRENT`].

@@ -10,6 +10,7 @@ use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::Store;
 use rigless::soc::Error;
 use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::rcc;
 use rigless::soc::stm32f427::peripherals::gpio::Pin;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 use rigless::soc::stm32f427::peripherals::tim::Channel;
@@ -27,6 +28,7 @@ pub const INSTRUCTIONS_PER_SECOND: NonZeroU64 = NonZeroU64::new(100_000_000).unw
 
 const GPIOA: usize = 0;
 const GPIOE: usize = 4;
+const GPIOF: usize = 5;
 const SPI4: usize = 3;
 const USART3: usize = 2;
 const TIM2: usize = 0;
@@ -42,10 +44,17 @@ const fn pin(index: u8) -> Pin {
 const DRDY: Pin = pin(0);
 const RESET: Pin = pin(3);
 const CHIP_SELECT: Pin = pin(4);
-const CAPTURE: Channel = match Channel::new(1) {
-    Some(channel) => channel,
-    None => panic!("a timer has a first channel"),
-};
+const PULSE: Pin = pin(3);
+const PROTECT: Pin = pin(8);
+const CAPTURE: Channel = channel(1);
+const PULSE_CAPTURE: Channel = channel(4);
+
+const fn channel(index: u8) -> Channel {
+    match Channel::new(index) {
+        Some(channel) => channel,
+        None => panic!("a timer has four channels"),
+    }
+}
 
 /// A value that the models on the core's thread and the test share.
 pub type Shared<T> = Arc<Mutex<T>>;
@@ -62,6 +71,8 @@ pub struct Nucleo {
     pub mcu: Stm32f427,
     /// The converter.
     pub converter: Shared<dyn Converter>,
+    /// False: the debugger gives no clock.
+    pub external_clock: bool,
     drdy: Level,
     captures: u64,
     instructions_per_second: NonZeroU64,
@@ -91,10 +102,47 @@ impl Nucleo {
         Ok(Self {
             mcu,
             converter,
+            external_clock: true,
             drdy: Level::Low,
             captures: 0,
             instructions_per_second,
         })
+    }
+
+    /// The emulator's oscillator is ready whether there is one or not: it is not, without.
+    pub fn settle_clock(&mut self) {
+        if !self.external_clock {
+            let (_, registers) = self.mcu.clocks();
+            let control = registers.get(rcc::Register::Cr);
+            registers.set(rcc::Register::Cr, rcc::cr::HSERDY.set(control, 0));
+        }
+    }
+
+    /// The debugger's clock stops.
+    pub fn stop_clock(&mut self, at: VirtualNanos) {
+        self.external_clock = false;
+        self.mcu.drive_clocks(at, |clocks, registers, context| {
+            clocks.fail_hse(registers, context);
+        });
+    }
+
+    /// Drives the vehicle's pulse.
+    pub fn drive_pulse(&mut self, at: VirtualNanos, high: bool) {
+        let level = Level::from(high);
+        self.mcu.drive_port(at, GPIOA, |gpio, registers, context| {
+            gpio.drive(PULSE, Some(level), registers, context);
+        });
+        self.mcu.drive_timer(at, TIM2, |timer, registers, context| {
+            timer.drive_input(PULSE_CAPTURE, level, registers, context);
+        });
+    }
+
+    /// Closes or opens the write-protect jumper.
+    pub fn protect(&mut self, at: VirtualNanos, closed: bool) {
+        let level = closed.then_some(Level::Low);
+        self.mcu.drive_port(at, GPIOF, |gpio, registers, context| {
+            gpio.drive(PROTECT, level, registers, context);
+        });
     }
 
     /// Carries the levels between converter and microcontroller: SYNC/RESET to the one, DRDY to the other.

@@ -98,21 +98,62 @@ impl DataReady {
     }
 }
 
+/// Registers that can be written, 02h to 1Ch.
+const WRITABLE: std::ops::Range<usize> = 0x02..0x1D;
+
+/// Clock cycles in which the converter looks over them once, a bit a cycle (section 8.3.13).
+const PASS_CYCLES: u64 = 16 * 27;
+
+/// Clock cycles of a conversion at an oversampling of 1024.
+const CYCLES_1024: u64 = 2048;
+
+const MODE: usize = 2;
+const CLOCK: usize = 3;
+
+/// MODE: the register map is watched.
+const MODE_REGISTER_MAP: u16 = 1 << 13;
+/// MODE: the checksums of what comes in are checked.
+const MODE_INPUT_CHECKSUM: u16 = 1 << 12;
+/// MODE: the converter was reset.
+const MODE_RESET: u16 = 1 << 10;
+
+/// Answer to the first frame after a reset.
+const AFTER_RESET: u16 = 0xFF24;
+
+/// Registers after a reset (section 8.6).
+fn reset_values() -> [u16; 64] {
+    let mut registers = [0; 64];
+    registers[0] = 0x2403;
+    registers[MODE] = 0x0510;
+    registers[CLOCK] = 0x0F0E;
+    registers[6] = 0x0600;
+    for channel in 0..4 {
+        registers[0x0C + 5 * channel] = 0x8000;
+    }
+    registers
+}
+
 /// A sound ADS131M04: frames, checksums, registers and DRDY, and a signal.
 pub struct Plain {
     signal: Signal,
-    /// Period of its clock's 2048 cycles, which is a conversion at an oversampling of 1024, ns.
+    /// A conversion at an oversampling of 1024, ns.
     period_1024_ns: u64,
     period_ns: u64,
     next_ns: u64,
+    now_ns: u64,
     in_reset: bool,
     conversions: u64,
     /// Conversions that wait to be read, at most two, the older first.
     waiting: Vec<[i32; 4]>,
     drdy: DataReady,
-    registers: [u16; 16],
+    registers: [u16; 64],
     locked: bool,
-    was_reset: bool,
+    /// A frame came with a wrong checksum.
+    input_checksum_failed: bool,
+    /// The checksum of the register map changed.
+    register_map_changed: bool,
+    /// When it will change: the pass that is under way sees a write half done, the next one whole.
+    looks_ns: Vec<u64>,
     /// What the next frame begins with, unless it is the status word.
     answer: Option<u16>,
     frame: [u8; FRAME],
@@ -130,64 +171,115 @@ impl Debug for Plain {
 impl Plain {
     /// With the given clock, 8.192 MHz nominal, and signal.
     pub fn new(clock_hz: u32, signal: impl FnMut(u64) -> [i32; 4] + Send + 'static) -> Self {
-        let period_1024_ns = 2048 * 1_000_000_000 / u64::from(clock_hz.max(1));
+        let period_1024_ns = CYCLES_1024 * 1_000_000_000 / u64::from(clock_hz.max(1));
         Self {
             signal: Box::new(signal),
             period_1024_ns,
             period_ns: period_1024_ns,
             next_ns: period_1024_ns,
+            now_ns: 0,
             in_reset: false,
             conversions: 0,
             waiting: Vec::new(),
             drdy: DataReady::default(),
-            registers: [0; 16],
+            registers: reset_values(),
             locked: false,
-            was_reset: true,
-            answer: Some(0xFF24),
+            input_checksum_failed: false,
+            register_map_changed: false,
+            looks_ns: Vec::new(),
+            answer: Some(AFTER_RESET),
             frame: [0; FRAME],
             received: Vec::new(),
         }
     }
 
-    fn status(&self) -> u16 {
-        let data = if self.waiting.is_empty() { 0 } else { 0b1111 };
-        u16::from(self.locked) << 15 | u16::from(self.was_reset) << 10 | 0b01 << 8 | data
+    fn reset(&mut self) {
+        self.period_ns = self.period_1024_ns;
+        self.next_ns = self.now_ns + self.period_ns;
+        self.waiting.clear();
+        self.registers = reset_values();
+        self.locked = false;
+        self.input_checksum_failed = false;
+        self.register_map_changed = false;
+        self.looks_ns.clear();
+        self.answer = Some(AFTER_RESET);
     }
 
-    /// Carries out a command; what the next frame begins with, if not the status word.
-    fn command(&mut self, word: u16, value: u16) -> Option<u16> {
-        let address = usize::from(word >> 7 & 0xF);
-        match word {
-            0x0555 => self.locked = true,
+    /// The status word on its way out, which clears what it tells of.
+    fn put_status_out(&mut self) -> u16 {
+        let data = if self.waiting.is_empty() { 0 } else { 0b1111 };
+        let changed = std::mem::take(&mut self.register_map_changed);
+        let failed = std::mem::take(&mut self.input_checksum_failed);
+        u16::from(self.locked) << 15
+            | u16::from(changed) << 13
+            | u16::from(failed) << 12
+            | self.registers[MODE] & (MODE_RESET | 0x0300)
+            | data
+    }
+
+    fn write(&mut self, address: usize, value: u16) {
+        if !WRITABLE.contains(&address) {
+            return;
+        }
+        let changed = std::mem::replace(&mut self.registers[address], value) != value;
+        if address == CLOCK {
+            let turbo = value & 1 << 5 != 0;
+            let longer = if turbo { 0 } else { 1 + (value >> 2 & 0b111) };
+            self.period_ns = (self.period_1024_ns << longer) / 16;
+        }
+        if changed && self.registers[MODE] & MODE_REGISTER_MAP != 0 {
+            let pass_ns = self.period_1024_ns * PASS_CYCLES / CYCLES_1024;
+            self.looks_ns = vec![self.now_ns + pass_ns, self.now_ns + 2 * pass_ns];
+        }
+    }
+
+    /// Carries out the command of a frame; what the next one begins with, if not the status word.
+    fn command(&mut self, frame: &[u8]) -> Option<u16> {
+        let word = |k: usize| match frame.get(WORD * k..WORD * k + 2) {
+            Some(&[high, low]) => u16::from_be_bytes([high, low]),
+            _ => 0,
+        };
+        let command = word(0);
+        let address = usize::from(command >> 7 & 0x3F);
+        let writes = command >> 13 == 0b011 && !self.locked;
+        if writes {
+            // Carried out as it comes in, whatever its checksum (section 8.5.1.10.8).
+            self.write(address, word(1));
+        }
+        if self.registers[MODE] & MODE_INPUT_CHECKSUM != 0 {
+            let end = if command >> 13 == 0b011 { 2 } else { 1 };
+            let covered = frame.get(..WORD * end)?;
+            if checksum(covered) != word(end) {
+                self.input_checksum_failed = true;
+                return None;
+            }
+        }
+        match command {
             0x0655 => self.locked = false,
-            _ if word >> 13 == 0b101 => {
-                let id = [0x2403, self.status()];
-                return id.get(address).or(self.registers.get(address)).copied();
+            _ if command >> 13 == 0b101 => {
+                return Some(match address {
+                    1 => self.put_status_out(),
+                    _ => self.registers[address],
+                });
             }
-            _ if word >> 13 == 0b011 => {
-                self.registers[address] = value;
-                match address {
-                    2 => self.was_reset = value & 1 << 10 != 0,
-                    3 => self.period_ns = (self.period_1024_ns << (value >> 2 & 0b111)) / 8,
-                    _ => {}
-                }
-                return Some(0b010 << 13 | word & 0x1FFF);
+            _ if self.locked => return None,
+            0x0011 if frame.len() >= FRAME => {
+                self.reset();
+                return self.answer;
             }
+            0x0555 => self.locked = true,
+            _ if writes => return Some(0b010 << 13 | command & 0x1FFF),
             _ => return None,
         }
-        Some(word)
+        Some(command)
     }
 }
 
 impl Converter for Plain {
     fn drive_reset(&mut self, now_ns: u64, low: bool) {
+        self.now_ns = now_ns;
         if low && !self.in_reset {
-            self.period_ns = self.period_1024_ns;
-            self.waiting.clear();
-            self.registers = [0; 16];
-            self.locked = false;
-            self.was_reset = true;
-            self.answer = Some(0xFF24);
+            self.reset();
         }
         if low {
             self.next_ns = now_ns + self.period_ns;
@@ -196,6 +288,10 @@ impl Converter for Plain {
     }
 
     fn advance(&mut self, now_ns: u64) {
+        self.now_ns = now_ns;
+        let looks = self.looks_ns.len();
+        self.looks_ns.retain(|look_ns| *look_ns > now_ns);
+        self.register_map_changed |= self.looks_ns.len() < looks;
         while self.next_ns <= now_ns {
             self.next_ns += self.period_ns;
             if self.waiting.len() == 2 {
@@ -216,7 +312,10 @@ impl Converter for Plain {
     }
 
     fn select(&mut self) {
-        let first = self.answer.unwrap_or_else(|| self.status());
+        let first = match self.answer.take() {
+            Some(answer) => answer,
+            None => self.put_status_out(),
+        };
         self.frame = [0; FRAME];
         self.frame[..2].copy_from_slice(&first.to_be_bytes());
         self.drdy.select(!self.waiting.is_empty());
@@ -243,10 +342,11 @@ impl Converter for Plain {
 
     fn deselect(&mut self) {
         self.drdy.deselect();
-        if let [high, low, _, upper, lower, ..] = self.received[..] {
-            let word = u16::from_be_bytes([high, low]);
-            self.answer = self.command(word, u16::from_be_bytes([upper, lower]));
+        let received = std::mem::take(&mut self.received);
+        if received.len() >= 2 * WORD && !self.in_reset {
+            self.answer = self.command(&received);
         }
+        self.received = received;
     }
 
     fn conversions(&self) -> u64 {

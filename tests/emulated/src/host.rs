@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use shared::self_check::{Outcome, SetUp};
-use shared::wire::configuration::Configuration;
+use shared::wire::board::{BlockConditions, BoardState};
+use shared::wire::configuration::{Certified, Configuration};
 use shared::wire::framing::Frame;
 use shared::wire::message::{
     Block, CHANNELS, CompensatedBlock, Fault, Identity, Refusal, State, StoreFault,
@@ -36,8 +37,14 @@ pub enum Heard {
     Check(Outcome),
     /// A block freed of vibration error.
     Compensated(CompensatedBlock),
-    /// How it compensates.
+    /// How it compensates, as version 1 told it.
     Configuration(Option<Configuration>),
+    /// What it keeps.
+    Certified(Option<Certified>),
+    /// The board.
+    Board(BoardState),
+    /// What the last block was measured under.
+    Conditions(BlockConditions),
     /// The memory was written for the command of that number, so often, or not.
     Stored(u16, u32, Option<StoreFault>),
     /// Bytes that are no frame.
@@ -60,6 +67,9 @@ impl From<Event<'_>> for Heard {
             Event::CheckBegun(set_up) => Self::CheckBegun(set_up),
             Event::Compensated(block) => Self::Compensated(block),
             Event::Configuration(configuration) => Self::Configuration(configuration),
+            Event::Certified(certified) => Self::Certified(certified),
+            Event::Board(board) => Self::Board(board),
+            Event::Conditions(conditions) => Self::Conditions(conditions),
             Event::Stored {
                 sequence,
                 writes,
@@ -83,6 +93,9 @@ pub struct Conversation {
 /// How long an answer may take: what the line still holds comes first.
 const PATIENCE: Duration = Duration::from_millis(200);
 
+/// How often a board is greeted that does not answer.
+const GREETINGS: u32 = 3;
+
 impl Conversation {
     /// Powers the board, and greets it once its converter is set up.
     pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
@@ -98,8 +111,13 @@ impl Conversation {
             last: None,
             heard: Vec::new(),
         };
-        host.listen(Duration::from_millis(20))?;
-        host.greet()?;
+        // A slow processor is still setting its converter up when the first greeting comes.
+        for _ in 0..GREETINGS {
+            host.listen(Duration::from_millis(20))?;
+            if host.greet()? {
+                break;
+            }
+        }
         Ok(host)
     }
 
@@ -147,6 +165,27 @@ impl Conversation {
             _ => None,
         });
         Ok(state)
+    }
+
+    /// What the board says of itself, `None` if it does not answer.
+    pub fn board_state(&mut self) -> Result<Option<BoardState>, Error> {
+        self.command(&Command::AskState)?;
+        let board = self.heard.iter().rev().find_map(|heard| match heard {
+            Heard::Board(board) => Some(*board),
+            _ => None,
+        });
+        Ok(board)
+    }
+
+    /// Makes the instrument keep this in place of what it keeps, as [`Self::command`].
+    pub fn replace(&mut self, certified: Option<Certified>) -> Result<Option<u64>, Error> {
+        self.command(&Command::AskConfiguration)?;
+        let writes = self.heard.iter().rev().find_map(|heard| match heard {
+            Heard::Stored(_, writes, _) => Some(*writes),
+            _ => None,
+        });
+        let writes = writes.unwrap_or(0);
+        self.command(&Command::Replace { writes, certified })
     }
 
     /// Lets time go by and takes down what is heard.

@@ -1,9 +1,10 @@
 //! The image, built as it is flashed.
 
-use std::env;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::LazyLock;
+use std::sync::{Mutex, PoisonError};
+use std::{env, fs};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
@@ -16,13 +17,57 @@ pub enum Error {
     /// It did not build.
     #[error("the image did not build:\n{0}")]
     Build(String),
+    /// It could not be put aside.
+    #[error("the image could not be copied: {0}")]
+    Copy(String),
 }
 
-/// The image's file, built on the first call.
-pub fn path() -> Result<&'static Path, Error> {
-    static IMAGE: LazyLock<Result<PathBuf, Error>> =
-        LazyLock::new(|| build(&["--bin", "firmware"]));
-    IMAGE.as_deref().map_err(Clone::clone)
+/// How often the image's converter gives a conversion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rate {
+    /// 4 kSPS.
+    X1024,
+    /// 16 kSPS.
+    X256,
+    /// 32 kSPS.
+    X128,
+}
+
+impl Rate {
+    /// Conversions a second.
+    pub const fn hz(self) -> u64 {
+        match self {
+            Self::X1024 => 4_000,
+            Self::X256 => 16_000,
+            Self::X128 => 32_000,
+        }
+    }
+
+    const fn feature(self) -> &'static str {
+        match self {
+            Self::X1024 => "",
+            Self::X256 => "oversampling-256",
+            Self::X128 => "oversampling-128",
+        }
+    }
+}
+
+/// The file of the image at 4 kSPS, built on the first call.
+pub fn path() -> Result<PathBuf, Error> {
+    path_at(Rate::X1024)
+}
+
+/// The file of the image at a rate, built on the first call and put aside, since the next one takes its place.
+pub fn path_at(rate: Rate) -> Result<PathBuf, Error> {
+    static IMAGES: Mutex<BTreeMap<Rate, Result<PathBuf, Error>>> = Mutex::new(BTreeMap::new());
+    let mut images = IMAGES.lock().unwrap_or_else(PoisonError::into_inner);
+    let image = images.entry(rate).or_insert_with(|| {
+        let built = build(&["--bin", "firmware", "--features", rate.feature()])?;
+        let aside = built.with_file_name(format!("firmware-{}-ksps", rate.hz() / 1000));
+        fs::copy(&built, &aside).map_err(|e| Error::Copy(e.to_string()))?;
+        Ok(aside)
+    });
+    image.clone()
 }
 
 /// The file of an example for the board, built as the image is.
@@ -39,7 +84,8 @@ fn build(what: &[&str]) -> Result<PathBuf, Error> {
         .current_dir(&root)
         .args([
             "build",
-            "--release",
+            "--profile",
+            "image",
             "--locked",
             "-p",
             "firmware",

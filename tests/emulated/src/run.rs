@@ -18,7 +18,7 @@ use rigless::time::VirtualNanos;
 
 use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, Shared, lock};
 use crate::converter::Converter;
-use crate::image;
+use crate::image::{self, Rate};
 use crate::line::Line;
 
 /// Why the emulated board does not run, or not on.
@@ -66,7 +66,7 @@ pub struct Emulator {
 impl Emulator {
     /// Powers the board with the image on its flash and the given converter on its bus.
     pub fn start(converter: impl Converter + 'static) -> Result<Self, Error> {
-        Self::start_image(converter, image::path()?)
+        Self::start_image(converter, &image::path()?)
     }
 
     /// The same with another image.
@@ -80,17 +80,18 @@ impl Emulator {
         converter: impl Converter + 'static,
         memory: Vec<u8>,
     ) -> Result<Self, Error> {
-        let image = Image::read(image::path()?, None)?;
+        let image = Image::read(&image::path()?, None)?;
         let memory = Image::new(Path::new("memory"), memory, Some(MEMORY))?;
         Self::with_images(converter, &[image, memory], INSTRUCTIONS_PER_SECOND)
     }
 
-    /// The same with a processor of another speed.
+    /// The same with the image of another rate and a processor of another speed.
     pub fn start_with_speed(
         converter: impl Converter + 'static,
+        rate: Rate,
         instructions_per_second: NonZeroU64,
     ) -> Result<Self, Error> {
-        let image = Image::read(image::path()?, None)?;
+        let image = Image::read(&image::path_at(rate)?, None)?;
         Self::with_images(converter, &[image], instructions_per_second)
     }
 
@@ -170,18 +171,7 @@ impl Emulator {
         Ok(std::mem::take(&mut lock(&self.executed)))
     }
 
-    /// Paints the memory that is nobody's but the stack's, before the firmware has run; [`Self::stack_used`] looks how far
-    /// down the paint is gone.
-    pub fn paint_stack(&mut self) -> Result<(), Error> {
-        self.intervene(|_, host, _| {
-            for address in STACK.step_by(4) {
-                // Every address is one of memory.
-                let _ = host.write(address, Width::W32, PAINT);
-            }
-        })
-    }
-
-    /// Bytes of stack that have been used at some time since [`Self::paint_stack`].
+    /// Bytes of stack that have been used at some time: down to where the start-up code's paint is whole.
     pub fn stack_used(&mut self) -> Result<u64, Error> {
         let (to, from) = channel();
         self.intervene(move |_, host, _| {
@@ -217,6 +207,37 @@ impl Emulator {
             access.virtual_time = stop.at;
             access.instruction_count = stop.instruction_count;
             session.access(access, host);
+        })
+    }
+
+    /// Reads a word on the bus of the microcontroller, as a debugger does.
+    pub fn read_word(&mut self, address: u64) -> Result<u32, Error> {
+        let (to, from) = channel();
+        self.intervene(move |session, host, stop| {
+            let mut access = Access::new(AccessKind::Read, address, Width::W32, 0);
+            access.virtual_time = stop.at;
+            access.instruction_count = stop.instruction_count;
+            let (word, _) = session.access(access, host);
+            // Nobody stopped listening: this is called in between.
+            let _ = to.send(word as u32);
+        })?;
+        from.recv().map_err(|_| self.ended())
+    }
+
+    /// Reads a word of memory.
+    pub fn read_memory(&mut self, address: u64) -> Result<u32, Error> {
+        let (to, from) = channel();
+        self.intervene(move |_, host, _| {
+            let _ = to.send(host.read(address, Width::W32).unwrap_or(0) as u32);
+        })?;
+        from.recv().map_err(|_| self.ended())
+    }
+
+    /// Writes a word of memory.
+    pub fn write_memory(&mut self, address: u64, value: u32) -> Result<(), Error> {
+        self.intervene(move |_, host, _| {
+            // Every address is one of memory.
+            let _ = host.write(address, Width::W32, value.into());
         })
     }
 
@@ -297,8 +318,8 @@ const CODE: Range<u64> = 0x0800_0000..0x0802_0000;
 /// The RAM of `memory.x`: static variables from the beginning, the stack from the end.
 const STACK: Range<u64> = 0x2000_0000..0x2003_0000;
 
-/// What no program writes by chance.
-const PAINT: u64 = 0xA5C3_5A3C;
+/// What the start-up code paints the stack with.
+const PAINT: u64 = 0xCCCC_CCCC;
 
 /// Port E's registers, where SYNC/RESET is driven.
 const GPIOE: std::ops::Range<u64> = 0x4002_1000..0x4002_1400;
@@ -324,6 +345,7 @@ impl Driver<Nucleo> for Governor {
         {
             session.board_mut().settle(access.virtual_time);
         }
+        session.board_mut().settle_clock();
         if let Settled::Hit(hit) = settled {
             *lock(&self.executed).entry(hit.address).or_default() += 1;
         }

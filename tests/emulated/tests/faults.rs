@@ -7,10 +7,12 @@ use std::time::Duration;
 use emulated::board::{INSTRUCTIONS_PER_SECOND, Shared, lock};
 use emulated::converter::Plain;
 use emulated::faults::{ConverterFaults, Drdy, Faulty};
+use emulated::image::Rate;
 use emulated::line::Noise;
 use emulated::random::Random;
 use emulated::{Conversation, Emulator, Error, Heard};
 use shared::wire::Command;
+use shared::wire::board::Cause;
 use shared::wire::framing::Frame;
 use shared::wire::message::{Approach, Block, Fault, Position, Segment, State};
 use shared::wire::version;
@@ -59,23 +61,23 @@ struct Count {
 }
 
 impl Bench {
-    fn start(clock_hz: u32, seed: u64) -> Result<Self, Error> {
-        Self::start_with_speed(clock_hz, seed, INSTRUCTIONS_PER_SECOND.get())
+    fn start(seed: u64) -> Result<Self, Error> {
+        Self::start_with_speed(Rate::X1024, seed, INSTRUCTIONS_PER_SECOND.get())
     }
 
     fn start_with_speed(
-        clock_hz: u32,
+        rate: Rate,
         seed: u64,
         instructions_per_second: u64,
     ) -> Result<Self, Error> {
         let speed = NonZeroU64::new(instructions_per_second).expect("not zero");
         let faults = Shared::<ConverterFaults>::default();
-        let converter = Faulty::new(Plain::new(clock_hz, counting), faults.clone(), seed);
+        let converter = Faulty::new(Plain::new(CLOCK_HZ, counting), faults.clone(), seed);
         Ok(Self {
-            host: Conversation::with_board(Emulator::start_with_speed(converter, speed)?)?,
+            host: Conversation::with_board(Emulator::start_with_speed(converter, rate, speed)?)?,
             faults,
             heard: Vec::new(),
-            rate_hz: u64::from(clock_hz) / 2048,
+            rate_hz: rate.hz(),
         })
     }
 
@@ -225,8 +227,8 @@ fn assert_likely(found: u64, chances: f64, each: f64) {
 
 #[test]
 fn wrong_checksums_are_named_and_cost_their_conversions() -> Result<(), Error> {
-    let mut bench = Bench::start(CLOCK_HZ, 1)?;
-    for wrong in [0.001, 0.05, 0.5, 1.0] {
+    let mut bench = Bench::start(1)?;
+    for wrong in [0.001, 0.05, 0.2, 0.5] {
         let faults = ConverterFaults {
             wrong_bits: wrong,
             ..ConverterFaults::default()
@@ -238,16 +240,65 @@ fn wrong_checksums_are_named_and_cost_their_conversions() -> Result<(), Error> {
         assert!(bench.faults().iter().any(named));
         // After a failure two frames are read, and both must be sound.
         let each = wrong / (1.0 - wrong + wrong * wrong);
-        assert_likely(cost.lost, ms as f64 * 1e-3 * bench.rate_hz as f64, each);
-        assert_eq!(cost.set_ups, 0);
+        if wrong < 0.5 {
+            assert_likely(cost.lost, ms as f64 * 1e-3 * bench.rate_hz as f64, each);
+        }
+        // Sixteen in a row and a set-up, again and again.
+        let in_a_row = wrong >= 0.5;
+        assert_eq!(cost.set_ups > 0, in_a_row, "{cost:?}");
+        let board = bench.host.board_state()?.expect("an answer");
+        assert_eq!(board.checksum_set_ups > 0, in_a_row, "{board:?}");
     }
+    Ok(())
+}
+
+#[test]
+fn frames_that_are_all_wrong_lead_to_a_set_up_when_they_are_right_again() -> Result<(), Error> {
+    let mut bench = Bench::start(1)?;
+    for ms in [2, 40, 700] {
+        let faults = ConverterFaults {
+            wrong_bits: 1.0,
+            ..ConverterFaults::default()
+        };
+        let cost = ride_out(&mut bench, faults, milliseconds(ms))?;
+        println!(
+            "all checksums wrong for {ms} ms: {cost:?} {:?}",
+            bench.faults()
+        );
+        // In 2 ms there are 8 frames, which is not enough.
+        assert_eq!(cost.set_ups, u32::from(ms > 4), "{cost:?}");
+        assert!(cost.lost >= ms * bench.rate_hz / 1000 - 1);
+        let board = bench.host.board_state()?.expect("an answer");
+        assert_eq!(board.checksum_set_ups > 0, ms > 2, "{board:?}");
+    }
+    Ok(())
+}
+
+/// Data register of SPI4 (RM0090, 28.5.4).
+const SPI4_DATA: u64 = 0x4001_340C;
+
+#[test]
+fn a_byte_left_in_the_bus_between_two_frames_costs_nothing() -> Result<(), Error> {
+    let mut bench = Bench::start(1)?;
+    bench.listen(milliseconds(20))?;
+    let before = bench.count()?;
+    // One that was sent without anybody to fetch what came in.
+    // A conversion ends with each millisecond, and its frame is over 30 us later.
+    bench.host.board.run_for(Duration::from_micros(30))?;
+    bench.host.board.write_word(SPI4_DATA, 0)?;
+    bench.listen(milliseconds(100))?;
+    let after = bench.count()?;
+    let wrong = after.state.converter_checksum_errors - before.state.converter_checksum_errors;
+    let set_ups = after.state.converter_resets - before.state.converter_resets;
+    let lost = after.state.lost - before.state.lost;
+    assert_eq!((wrong, set_ups, lost), (0, 0, 0));
     Ok(())
 }
 
 #[test]
 fn a_drdy_stuck_at_either_level_is_named_and_every_conversion_meanwhile_is_counted()
 -> Result<(), Error> {
-    let mut bench = Bench::start(CLOCK_HZ, 1)?;
+    let mut bench = Bench::start(1)?;
     for drdy in [Drdy::StuckLow, Drdy::StuckHigh] {
         for ms in [3, 40, 700] {
             let faults = ConverterFaults {
@@ -277,7 +328,7 @@ fn an_irregular_drdy_leaves_no_conversion_uncounted() -> Result<(), Error> {
         (60_000, 0.3, 0.3),
     ];
     for seed in 1..=2 {
-        let mut bench = Bench::start(CLOCK_HZ, seed)?;
+        let mut bench = Bench::start(seed)?;
         for (jitter_ns, missing, extra) in irregular {
             let drdy = Drdy::Irregular {
                 jitter_ns,
@@ -298,7 +349,7 @@ fn an_irregular_drdy_leaves_no_conversion_uncounted() -> Result<(), Error> {
 
 #[test]
 fn a_converter_reset_at_any_moment_is_named_and_set_up_anew() -> Result<(), Error> {
-    let mut bench = Bench::start(CLOCK_HZ, 1)?;
+    let mut bench = Bench::start(1)?;
     let mut random = Random::new(7);
     for _ in 0..12 {
         bench.listen(Duration::from_nanos(random.below(10_000_000)))?;
@@ -311,14 +362,16 @@ fn a_converter_reset_at_any_moment_is_named_and_set_up_anew() -> Result<(), Erro
         let named = |fault: &Fault| matches!(fault, Fault::Status { .. });
         assert!(bench.faults().iter().any(named), "{:?}", bench.faults());
         assert_eq!(cost.set_ups, 1);
-        assert!((1..=20).contains(&cost.lost), "{cost:?}");
+        // One failed. The reset takes 1.3 periods, 57 frames of 14 us on the bus and as much again around each take 7, the
+        // filter settles in 10, and beginning waits for the edge after that.
+        assert!((1..=25).contains(&cost.lost), "{cost:?}");
     }
     Ok(())
 }
 
 /// Raw samples at more than the line or the processor can bear: nothing is missing without being counted.
-fn overload(clock_hz: u32, instructions_per_second: u64) -> Result<Count, Error> {
-    let mut bench = Bench::start_with_speed(clock_hz, 1, instructions_per_second)?;
+fn overload(rate: Rate, instructions_per_second: u64) -> Result<Count, Error> {
+    let mut bench = Bench::start_with_speed(rate, 1, instructions_per_second)?;
     let begun = bench.count()?;
     let on = Command::StreamRaw { on: true };
     assert!(bench.command(&on)?.is_some());
@@ -366,7 +419,11 @@ fn overload(clock_hz: u32, instructions_per_second: u64) -> Result<Count, Error>
             .iter()
             .any(|heard| matches!(heard, Heard::Missing(_) | Heard::Broken(_)))
     );
-    let in_blocks: u64 = bench.blocks().map(|block| u64::from(block.count)).sum();
+    let samples_of = |reading: bool| -> u64 {
+        let blocks = bench.blocks();
+        let those = blocks.filter(|block| (block.segment != Segment::Idle) == reading);
+        those.map(|block| u64::from(block.count)).sum()
+    };
     let raw = bench.heard.iter().map(|heard| match heard {
         Heard::Raw(_, samples) => samples.len() as u64,
         _ => 0,
@@ -374,10 +431,12 @@ fn overload(clock_hz: u32, instructions_per_second: u64) -> Result<Count, Error>
     let in_raw: u64 = raw.sum();
     let at_least = full.state.samples - streaming.state.samples;
     let at_most = samples - begun.state.samples;
-    let streamed = in_blocks + in_raw + dropped_samples - samples;
+    // Blocks of the reading go on after the last count: as many of their samples as there are may be in it, or none.
+    let (in_idle, in_reading) = (samples_of(false), samples_of(true));
+    let streamed = in_idle + in_raw + dropped_samples - samples;
     assert!(
-        (at_least..=at_most).contains(&streamed),
-        "{at_least} {streamed} {at_most}"
+        at_least <= streamed + in_reading && streamed <= at_most,
+        "{at_least} {streamed} + {in_reading} {at_most}"
     );
     // No sample has the index of another.
     let raw_frames = bench.heard.iter().filter_map(|heard| match heard {
@@ -399,23 +458,22 @@ fn overload(clock_hz: u32, instructions_per_second: u64) -> Result<Count, Error>
 #[test]
 fn an_overload_is_counted_to_the_sample() -> Result<(), Error> {
     let speed = INSTRUCTIONS_PER_SECOND.get();
-    // From 8 kSPS on the line is too slow for raw samples, the processor at 16 kSPS is not.
-    for times in [2, 4] {
-        let slow_line = overload(times * CLOCK_HZ, speed)?;
-        assert_eq!(slow_line.state.lost, 0);
-        assert!(slow_line.state.dropped_samples > 0);
-    }
-    for (times, slower) in [(4, 3), (8, 2)] {
-        let overrun = overload(times * CLOCK_HZ, speed / slower)?;
-        assert!(overrun.state.lost > 0, "no overload: {overrun:?}");
-    }
+    // At 16 kSPS the line is too slow for raw samples, the processor is not.
+    let slow_line = overload(Rate::X256, speed)?;
+    assert_eq!(slow_line.state.lost, 0);
+    assert!(slow_line.state.dropped_samples > 0);
+    // Measured: at 16 kSPS everything is lost below 26 % of the speed, nothing from 34 % on.
+    let partial = overload(Rate::X256, speed * 31 / 100)?.state;
+    assert!(partial.lost > 0 && partial.samples > partial.conversions / 50);
+    let overrun = overload(Rate::X128, speed / 3)?;
+    assert!(overrun.state.lost > 0, "no overload: {overrun:?}");
     Ok(())
 }
 
 #[test]
 fn a_noisy_line_costs_frames_that_are_missed_by_their_number_and_nothing_else() -> Result<(), Error>
 {
-    let mut bench = Bench::start(CLOCK_HZ, 1)?;
+    let mut bench = Bench::start(1)?;
     for seed in 1..=3 {
         let before = bench.count()?;
         bench.heard.clear();
@@ -477,7 +535,7 @@ fn a_noisy_line_costs_frames_that_are_missed_by_their_number_and_nothing_else() 
 
 #[test]
 fn a_minute_of_garbage_on_the_line_is_rejected_and_nothing_is_lost() -> Result<(), Error> {
-    let mut bench = Bench::start(CLOCK_HZ, 1)?;
+    let mut bench = Bench::start(1)?;
     let before = bench.count()?;
     bench.heard.clear();
     let mut random = Random::new(5);
@@ -507,7 +565,7 @@ fn a_minute_of_garbage_on_the_line_is_rejected_and_nothing_is_lost() -> Result<(
 
 #[test]
 fn each_command_of_a_flood_is_answered_or_its_answer_counted_as_dropped() -> Result<(), Error> {
-    let mut bench = Bench::start(CLOCK_HZ, 1)?;
+    let mut bench = Bench::start(1)?;
     let before = bench.count()?;
     bench.heard.clear();
     let version = version::CURRENT;
@@ -561,7 +619,7 @@ fn each_command_of_a_flood_is_answered_or_its_answer_counted_as_dropped() -> Res
 
 #[test]
 fn a_board_reset_at_any_moment_begins_anew_and_measures() -> Result<(), Error> {
-    let mut bench = Bench::start(CLOCK_HZ, 1)?;
+    let mut bench = Bench::start(1)?;
     let mut random = Random::new(11);
     for round in 0..12 {
         // In the middle of a reading, and of raw frames.
@@ -602,14 +660,32 @@ fn a_board_reset_at_any_moment_begins_anew_and_measures() -> Result<(), Error> {
 }
 
 #[test]
+fn a_byte_left_in_the_data_register_spoils_no_frame() -> Result<(), Error> {
+    let mut bench = Bench::start(1)?;
+    let before = bench.count()?;
+    for _ in 0..20 {
+        // Between two frames: 90 us after an edge, at whatever moment of the bus that is.
+        bench.host.board.write_word(SPI4_DATA, 0xA5)?;
+        bench.listen(milliseconds(7))?;
+    }
+    let after = bench.count()?;
+    let errors = after.state.converter_checksum_errors - before.state.converter_checksum_errors;
+    println!("bytes left: {errors} wrong frames");
+    // A byte that is written while a frame is under way spoils that one.
+    assert!(errors <= 4, "{errors}");
+    assert!(after.state.samples - before.state.samples > 500);
+    Ok(())
+}
+
+#[test]
 fn a_bus_that_hangs_makes_the_watchdog_bite_and_the_board_measures_again() -> Result<(), Error> {
     const RCC_APB2ENR: u64 = 0x4002_3844;
-    let mut bench = Bench::start(CLOCK_HZ, 1)?;
+    let mut bench = Bench::start(1)?;
     let before = bench.count()?;
     assert!(before.state.conversions > 0);
     // Without its clock the bus never ends a transfer.
     bench.host.board.write_word(RCC_APB2ENR, 0)?;
-    bench.listen(milliseconds(700))?;
+    bench.listen(milliseconds(1500))?;
     let hung = bench.host.board.converter().conversions();
     bench.heard.clear();
     bench.listen(milliseconds(1000))?;
@@ -617,6 +693,8 @@ fn a_bus_that_hangs_makes_the_watchdog_bite_and_the_board_measures_again() -> Re
     let after = bench.count()?;
     println!("watchdog: {hung} {after:?}");
     assert!(after.state.conversions < 4000, "{:?}", after.state);
+    let board = bench.host.board_state()?.expect("an answer");
+    assert_eq!((board.cause, board.boots), (Cause::Watchdog, 2));
     bench.heard.clear();
     bench.listen(milliseconds(50))?;
     let (samples, lost) = bench.without_hole();

@@ -14,7 +14,7 @@ use shared::compensate::{Mode, Quality, Source};
 use shared::model::FURTHER;
 use shared::rectification::Covariance;
 use shared::wire::Command;
-use shared::wire::configuration::{Calibration, Compensation, Configuration};
+use shared::wire::configuration::{Calibration, Certified, Compensation, Configuration};
 use shared::wire::message::{Coefficients, Refusal, StoreFault};
 
 const COMPENSATION: Compensation = Compensation {
@@ -32,8 +32,20 @@ const OLD: Configuration = Configuration {
     calibration: None,
 };
 
+fn old() -> Certified {
+    OLD.into()
+}
+
+/// So many writings, the last of which is the old one.
+fn written(count: usize) -> Flash {
+    let contents: Vec<_> = (0..count)
+        .map(|n| Some(if (count - n) % 2 == 1 { old() } else { new() }))
+        .collect();
+    kept(&contents, None)
+}
+
 /// With coefficients, in short blocks.
-fn new() -> Configuration {
+fn new() -> Certified {
     let mut nominal = [0.0; 11];
     nominal[0] = 0.1;
     Configuration {
@@ -50,10 +62,11 @@ fn new() -> Configuration {
             rank: 11,
         }),
     }
+    .into()
 }
 
 /// Keeps one after the other; power fails as many bytes into the last as `left` says.
-fn kept(contents: &[Option<Configuration>], left: Option<usize>) -> Flash {
+fn kept(contents: &[Option<Certified>], left: Option<usize>) -> Flash {
     let mut flash = Flash::new(3);
     for (n, content) in contents.iter().enumerate() {
         if let (true, Some(left)) = (n + 1 == contents.len(), left) {
@@ -81,7 +94,7 @@ fn power(memory: &Flash) -> Result<Conversation, Error> {
 /// What the board says that it came up with, and that it compensates so.
 fn comes_up(
     memory: &Flash,
-    known: Option<Configuration>,
+    known: Option<Certified>,
     stored: (u32, Option<StoreFault>),
 ) -> Result<(), Error> {
     let mut host = power(memory)?;
@@ -89,7 +102,7 @@ fn comes_up(
     host.command(&Command::AskConfiguration)?;
     host.listen(Duration::from_millis(200))?;
     let heard = host.heard();
-    assert!(heard.contains(&Heard::Configuration(known)), "{heard:?}");
+    assert!(heard.contains(&Heard::Certified(known)), "{heard:?}");
     let told = heard.iter().find_map(|heard| match heard {
         Heard::Stored(_, writes, fault) => Some((*writes, *fault)),
         _ => None,
@@ -100,7 +113,11 @@ fn comes_up(
         Heard::Compensated(block) => Some(*block),
         _ => None,
     });
-    let Some(known) = known else {
+    let Some(Certified {
+        configuration: known,
+        ..
+    }) = known
+    else {
         assert_eq!(freed.next(), None);
         return Ok(());
     };
@@ -122,26 +139,30 @@ fn comes_up(
 
 #[test]
 fn a_board_comes_up_with_nothing_the_old_or_the_new_and_says_which() -> Result<(), Error> {
-    let (old, new) = (Some(OLD), Some(new()));
+    let (old, new) = (Some(old()), Some(new()));
     comes_up(&Flash::new(1), None, (0, None))?;
     comes_up(&kept(&[old], None), old, (1, None))?;
     comes_up(&kept(&[old, new], None), new, (2, None))?;
-    comes_up(&kept(&[old, new, None], None), None, (0, None))
+    comes_up(&kept(&[old, new, None], None), None, (3, None))
 }
 
 #[test]
 fn a_board_whose_power_failed_while_writing_comes_up_with_the_old_or_the_new() -> Result<(), Error>
 {
-    let (old, new) = (Some(OLD), Some(new()));
+    let (old, new) = (Some(old()), Some(new()));
     comes_up(&kept(&[old, new], Some(100)), old, (1, None))?;
     // The record is whole, the one before is not marked.
-    comes_up(&kept(&[old, new], Some(508)), new, (2, None))?;
+    comes_up(
+        &kept(&[old, new], Some(firmware::store::SLOT - 4)),
+        new,
+        (2, None),
+    )?;
     comes_up(&kept(&[old, new, None], Some(3)), new, (2, None))
 }
 
 #[test]
 fn a_board_whose_memory_went_bad_says_so_and_does_not_compensate() -> Result<(), Error> {
-    let mut spoilt = kept(&[Some(OLD), Some(new())], None);
+    let mut spoilt = kept(&[Some(old()), Some(new())], None);
     spoilt.bytes[firmware::store::SLOT + 40] ^= 4;
     let corrupt = (0, Some(StoreFault::Corrupt));
     comes_up(&spoilt, None, corrupt)?;
@@ -157,7 +178,10 @@ fn fails_and_goes_on(memory: &Flash, writes: u32, erases: bool) -> Result<(), Er
     let mut host = power(memory)?;
     let before = host.state()?.expect("an answer");
     host.heard();
-    let configure = Command::Configure(new());
+    let configure = Command::Replace {
+        writes,
+        certified: Some(new()),
+    };
     assert!(host.command(&configure)?.is_some());
     if erases {
         // The link answers meanwhile.
@@ -198,8 +222,8 @@ fn fails_and_goes_on(memory: &Flash, writes: u32, erases: bool) -> Result<(), Er
 
 #[test]
 fn a_memory_that_takes_nothing_is_told_and_not_one_sample_is_lost() -> Result<(), Error> {
-    // The first writing and the thirty-third erase a sector before they write.
+    // The first writing and the seventeenth erase a sector before they write.
     fails_and_goes_on(&Flash::new(1), 0, true)?;
-    fails_and_goes_on(&kept(&[Some(OLD); 2], None), 2, false)?;
-    fails_and_goes_on(&kept(&[Some(OLD); 32], None), 32, true)
+    fails_and_goes_on(&written(2), 2, false)?;
+    fails_and_goes_on(&written(16), 16, true)
 }

@@ -25,6 +25,7 @@ use embedded_hal::spi::ErrorKind;
 use firmware::adc::bus::{FetchError, Fetched, FrameBus, FrameError, open};
 use firmware::adc::count::{Edge, Timers};
 use firmware::adc::frame::{ChecksumError, FRAME, NULL, Response};
+use firmware::adc::registers::{has_data, is_sound_but_for};
 use shared::channels::CHANNELS;
 
 use super::drdy::{self, DrdyTimers};
@@ -34,6 +35,12 @@ const BATCH: u32 = 3;
 
 /// Conversions that there is room for, a power of two: what the acquisition may be late.
 const ROOM: u32 = 8;
+
+/// How long a frame may take; at 10.5 MHz it takes 14 us.
+const FRAME_US: u32 = 100;
+
+/// How often the receive buffer is looked at before it is given up: some 20 cycles each, 20 us in all.
+const DRAIN_READS: u32 = 200;
 
 /// Words of memory that hold a frame.
 const WORDS: usize = FRAME.div_ceil(4);
@@ -154,10 +161,20 @@ const FLAGS: Ixr = Ixr(0x3D << (6 * STREAM_IN) | 0x3D << (6 * STREAM_OUT));
 /// The control words of the two streams as they run.
 static CONTROL: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
 
+/// Throws away a byte that a transfer left in the data register when it was broken off: it would come as the first of the
+/// next frame, and shift that one and all after it.
+#[inline]
+fn drop_left_byte() {
+    if pac::SPI4.sr().read().rxne() {
+        pac::SPI4.dr().read();
+    }
+}
+
 /// Sends `OUT` and receives into `IN`.
 #[inline]
 fn begin(what: u8) {
     UNDER_WAY.store(what, Ordering::Relaxed);
+    drop_left_byte();
     pac::GPIOE.bsrr().write(|w| w.0 = SELECT << 16);
     // What was written to `OUT` has to be in memory before the DMA reads it.
     fence(Ordering::SeqCst);
@@ -223,6 +240,10 @@ fn DMA2_STREAM0() {
         SOUND.store(sound, Ordering::Relaxed);
         return WAKER.wake();
     }
+    if what == NOTHING {
+        // A frame that was given up ends after all.
+        return;
+    }
     fence(Ordering::SeqCst);
     let response = open(if sound {
         Ok(get())
@@ -235,7 +256,7 @@ fn DMA2_STREAM0() {
     CAME.store(came, Ordering::Release);
     let goes_on = response.is_ok_and(|response| {
         let status = response.status();
-        status.is_sound_but_for(0) && status.has_data()
+        is_sound_but_for(status, 0) && has_data(status)
     });
     if !goes_on {
         RUNS.store(false, Ordering::Relaxed);
@@ -363,6 +384,20 @@ async fn until_idle() {
     .await;
 }
 
+/// Empties the receive buffer: a byte in it would be taken for the first of the next frame, and leave that frame's last
+/// for the one after it (RM0090, 28.3.8: read until RXNE is clear; 28.3.10: data and then status clear an overrun).
+fn drain() {
+    // One byte in the buffer, one in the shift register, each a byte's time of at most 2 us.
+    for _ in 0..DRAIN_READS {
+        let status = pac::SPI4.sr().read();
+        if status.rxne() || status.ovr() {
+            let _ = pac::SPI4.dr().read();
+        } else if !status.bsy() {
+            break;
+        }
+    }
+}
+
 /// Lays a frame out for the DMA.
 #[inline]
 fn put(frame: &[u8; FRAME]) {
@@ -441,6 +476,32 @@ impl FrameBus for Bus {
 
     fn has_fetched(&self) -> bool {
         fetched() > 0
+    }
+
+    async fn recover(&mut self) {
+        RUNS.store(false, Ordering::Relaxed);
+        // A frame takes less; one that does not end by then never will.
+        let end = drdy::Deadline::after_us(FRAME_US);
+        poll_fn(|context| {
+            WAKER.register(context.waker());
+            if is_idle() || end.is_over() {
+                Poll::Ready(())
+            } else {
+                Poll::Pending
+            }
+        })
+        .await;
+        cortex_m::interrupt::free(|_| {
+            for stream in [STREAM_OUT, STREAM_IN] {
+                pac::DMA2.st(stream).cr().write_value(Cr(0));
+            }
+            pac::GPIOE.bsrr().write(|w| w.0 = SELECT);
+            pac::DMA2.ifcr(0).write_value(FLAGS);
+            UNDER_WAY.store(NOTHING, Ordering::Relaxed);
+        });
+        drain();
+        TAKEN.store(CAME.load(Ordering::Acquire), Ordering::Release);
+        self.draining = false;
     }
 
     async fn pause_us(&mut self, duration_us: u32) {

@@ -1,25 +1,34 @@
 //! DRDY on TIM2 and TIM5: every falling edge is counted and stamped in hardware.
 //!
 //! TIM2 runs at 1 MHz and captures the falling edges on PA0. Each capture sends a trigger pulse, and TIM5 counts
-//! these pulses, so that count and stamp hold however late the software is. TIM2's second channel ends a wait: [`Deadline`].
+//! these pulses, so that count and stamp hold however late the software is. TIM2's second channel ends a wait: [`Deadline`],
+//! its fourth stamps the vehicle's pulse a second on PA3.
+
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::pac;
-use embassy_stm32::peripherals::{PA0, TIM2, TIM5};
+use embassy_stm32::peripherals::{PA0, PA3, TIM2, TIM5};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::input_capture::CapturePin;
 use embassy_stm32::timer::low_level::{
     InputCaptureMode, InputTISelection, MasterMode, SlaveMode, Timer, TriggerSource,
 };
-use embassy_stm32::timer::{Ch1, Channel};
+use embassy_stm32::timer::{Ch1, Ch4, Channel};
 use firmware::adc::count::{Edge, Timers};
+use firmware::edge_pair;
 
 /// Ticks of TIM2.
 const CLOCK: Hertz = Hertz(1_000_000);
 
 const CAPTURE: usize = 0;
 const COMPARE: usize = 1;
+const PULSE: usize = 3;
+
+/// Pulses of the vehicle's time since the board started, and TIM2 at the last of them.
+static PULSES: AtomicU32 = AtomicU32::new(0);
+static PULSE_STAMP: AtomicU32 = AtomicU32::new(0);
 
 /// What TIM2's interrupt is about; reading it takes it away.
 pub struct Flags {
@@ -35,6 +44,12 @@ pub fn take_flags() -> Flags {
     let flags = pac::TIM2.sr().read();
     // Cleared by writing zeros; what comes in between stays.
     pac::TIM2.sr().write(|w| w.0 = !flags.0);
+    if flags.ccif(PULSE) {
+        PULSE_STAMP.store(pac::TIM2.ccr(PULSE).read(), Ordering::Relaxed);
+        // Only this interrupt writes it.
+        let pulses = PULSES.load(Ordering::Relaxed).wrapping_add(1);
+        PULSES.store(pulses, Ordering::Release);
+    }
     Flags {
         edge: flags.ccif(CAPTURE),
         deadline: flags.ccif(COMPARE),
@@ -50,19 +65,22 @@ pub fn is_low() -> bool {
 /// The last falling edge: the count until then, modulo 2^32, and TIM2 at it.
 #[inline]
 pub fn edge() -> (u32, u32) {
-    loop {
-        let count = pac::TIM5.cnt().read();
-        let stamp = pac::TIM2.ccr(CAPTURE).read();
-        // Of one and the same edge.
-        if count == pac::TIM5.cnt().read() {
-            return (count, stamp);
-        }
-    }
+    edge_pair::read(|| pac::TIM2.ccr(CAPTURE).read(), || pac::TIM5.cnt().read())
+}
+
+/// Pulses of the vehicle's time until now, and TIM2 at the last of them.
+pub fn pulse() -> (u32, u32) {
+    let (stamp, pulses) = edge_pair::read(
+        || PULSES.load(Ordering::Acquire),
+        || PULSE_STAMP.load(Ordering::Relaxed),
+    );
+    (pulses, stamp)
 }
 
 /// The clock TIM2 and the count TIM5.
 pub struct DrdyTimers {
     _pin: CapturePin<'static, TIM2, Ch1>,
+    _pulse: CapturePin<'static, TIM2, Ch4>,
     _clock: Timer<'static, TIM2>,
     _count: Timer<'static, TIM5>,
     now_us: u64,
@@ -74,6 +92,7 @@ impl DrdyTimers {
         clock: Peri<'static, TIM2>,
         count: Peri<'static, TIM5>,
         pin: Peri<'static, PA0>,
+        pulse: Peri<'static, PA3>,
     ) -> Self {
         let count = Timer::new(count);
         // Internal trigger 0 of TIM5 is the output of TIM2 (RM0090, table 98).
@@ -82,19 +101,27 @@ impl DrdyTimers {
         count.start();
 
         let pin = CapturePin::new(pin, Pull::Up);
+        let pulse = CapturePin::new(pulse, Pull::Down);
         let mut clock = Timer::new(clock);
         clock.set_tick_freq(CLOCK);
         clock.set_max_compare_value(u32::MAX);
         clock.set_input_ti_selection(Channel::Ch1, InputTISelection::Normal);
         clock.set_input_capture_mode(Channel::Ch1, InputCaptureMode::Falling);
         clock.enable_channel(Channel::Ch1, true);
+        clock.set_input_ti_selection(Channel::Ch4, InputTISelection::Normal);
+        clock.set_input_capture_mode(Channel::Ch4, InputCaptureMode::Rising);
+        clock.enable_channel(Channel::Ch4, true);
         clock.set_master_mode(MasterMode::COMPARE_PULSE);
         clock.generate_update_event();
+        // Each channel compared until here, and was equal at zero.
+        pac::TIM2.sr().write(|w| w.0 = 0);
         clock.enable_input_interrupt(Channel::Ch1, true);
         clock.enable_input_interrupt(Channel::Ch2, true);
+        clock.enable_input_interrupt(Channel::Ch4, true);
         clock.start();
         Self {
             _pin: pin,
+            _pulse: pulse,
             _clock: clock,
             _count: count,
             now_us: 0,
