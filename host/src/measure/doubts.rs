@@ -9,7 +9,7 @@ use super::answer::{Axis, Doubt, Kind, Outcome, Verdict};
 use super::motion::Motion;
 use super::noise::State;
 use super::segment::{Channel, Role, Segment, Spread};
-use super::shift::{Found, Scene, interval};
+use super::shift::{Found, Scene, interval, middle};
 use super::survey::LOUDER;
 
 /// Share of the shift from which on a rival of known size forbids to attribute it.
@@ -21,6 +21,9 @@ const TEMPERATURE_C: f64 = 0.1;
 /// Lengths of gravity that three axes can show, g; outside, the unit, the scale or the coupling is another. Chosen: no
 /// scale factor is off by half, and 9.8 or 1000 are far outside.
 const GRAVITY_G: [f64; 2] = [0.5, 1.5];
+
+/// Length of gravity on two axes from which on the third axis is across it. Chosen.
+const SEEN_G: f64 = 0.95;
 
 impl Doubt {
     fn new(kind: Kind, outcome: Outcome, finding: String) -> Self {
@@ -236,12 +239,7 @@ impl View<'_> {
                 1e3 * after,
                 1e3 * sigma
             );
-            // Against both rests a steady drift is taken out; half of the change bounds what is left of an unsteady one.
-            let size = if self.scene.bracketed {
-                0.5 * after
-            } else {
-                after
-            };
+            let size = self.unsteady().unwrap_or(after);
             return match after.abs() > 3.0 * sigma {
                 true => Doubt::found(kind, text).sized(size, self.shift),
                 false => Doubt::clear(kind, text),
@@ -268,6 +266,29 @@ impl View<'_> {
         match rate.abs() > 4.0 * sigma {
             true => Doubt::found(kind, text).sized(size, self.shift),
             false => Doubt::clear(kind, text),
+        }
+    }
+
+    /// What a drift that is not steady leaves of the shift against both rests, if the rates of the rests tell: the error of
+    /// linear interpolation, half the second derivative times the distances to either rest. `None` without a rest on either
+    /// side.
+    fn unsteady(&self) -> Option<f64> {
+        let (before, during) = (self.scene.before.first()?, self.scene.during.first()?);
+        let after = self.scene.after.filter(|_| self.scene.bracketed)?;
+        let rate = |segment: &Segment| {
+            let (change, sigma) = segment.channels.get(self.index)?.batches.trend()?;
+            let [from, to] = segment.extent?;
+            Some((change / (to - from), sigma / (to - from)))
+        };
+        let [at_before, at_during, at_after] = [before, during, &after].map(|s| middle(s));
+        let reach = 0.5 * (at_during - at_before) * (at_after - at_during) / (at_after - at_before);
+        match (rate(before), rate(after)) {
+            (Some((r0, s0)), Some((r1, s1))) if (r1 - r0).abs() > 3.0 * s0.hypot(s1) => {
+                Some((r1 - r0) * reach)
+            }
+            // The rates agree within what they tell, which the interval holds.
+            (Some(_), Some(_)) => Some(0.0),
+            _ => Some(0.5 * self.found.axis.after_less_before_g?.value?),
         }
     }
 
@@ -605,15 +626,15 @@ impl View<'_> {
             1e3 * size,
         );
         let doubt = Doubt::found(kind, text).sized(size, self.shift);
-        let back = self.found.axis.after_less_before_g.and_then(|q| q.known());
-        match back {
-            // A turn that undoes itself when the vibration stops is none that anybody made.
-            Some((back, sigma))
-                if back.abs() < SHARE * self.shift.abs() && sigma < SHARE * self.shift.abs() =>
-            {
-                doubt.harmless()
-            }
-            _ => doubt,
+        match self.scene.bracketed {
+            true => Doubt {
+                finding: format!(
+                    "{}; it would have to undo itself after the vibration",
+                    doubt.finding
+                ),
+                ..doubt
+            },
+            false => doubt,
         }
     }
 }
@@ -723,6 +744,9 @@ impl Gravity {
         let change: Vec<f64> = d.iter().zip(&b).map(|(d, b)| d - b).collect();
         let middle: Vec<f64> = d.iter().zip(&b).map(|(d, b)| 0.5 * (d + b)).collect();
         let share = dot(&change, &middle) / dot(&middle, &middle).max(f64::MIN_POSITIVE);
+        // Of two axes that do not show all of gravity, a turn about any direction changes both.
+        let hidden = axes == 2 && before < SEEN_G;
+        let share = if hidden { 0.0 } else { share };
         let across = change
             .iter()
             .zip(&middle)

@@ -117,6 +117,9 @@ impl Batches {
         let (low, high) = (1..count / 8 + 1, count / 2..count);
         let freedoms = [low.len() as f64, high.len() as f64];
         let ratio = mean(low) / mean(high);
+        if !ratio.is_finite() {
+            return None;
+        }
         let chance = FisherSnedecor::new(freedoms[0], freedoms[1]).map(|f| f.cdf(ratio));
         Some((ratio, chance.is_ok_and(|chance| chance < 1e-3)))
     }
@@ -392,7 +395,11 @@ fn sees_vibration(short: &[Batch], long: &[Batch], shape: Shape) -> bool {
     (one / (2.0 * two).max(f64::MIN_POSITIVE)).ln() > 3.0 * scatter * 1.2
 }
 
-/// Prior probability that a slow noise is negligible. Chosen: with one half the intervals of white noise are wider.
+/// Logarithm of the weight, from the top, below which a point of the grid is not counted.
+const NEGLIGIBLE: f64 = 20.0;
+
+/// Prior probability that a slow noise is negligible. Chosen: with one half the intervals of white noise are wider, with nine
+/// tenths those of a walk that the record barely shows are short.
 const NONE: f64 = 0.7;
 
 /// Densities on a grid, two octaves apart, with the logarithm of their prior probability: from a quarter of what equals white
@@ -417,14 +424,34 @@ impl Evidence {
             .reduce(f64::min)?;
         // Even where slow noise hides all white noise in the shortest batch, the grid holds it.
         let octaves = (span / self.shortest).log2().max(0.0);
-        let mut points = Vec::new();
+        let mut points: Vec<(f64, f64)> = Vec::new();
+        let mut top = f64::NEG_INFINITY;
+        // The likelihood has one hill along each density: beyond it, what is too small to count ends the search.
+        let over = |best: f64, last: f64, top: f64| best < last && best < top - NEGLIGIBLE;
         for (flicker, flicker_prior) in grid(least / span, octaves + 4.0) {
+            let mut last_walk = f64::NEG_INFINITY;
             for (walk, walk_prior) in grid(least / span.powi(2), 2.0 * octaves + 4.0) {
+                let [mut best_walk, mut last] = [f64::NEG_INFINITY; 2];
                 for (drift, drift_prior) in grid(least / span.powi(3), 3.0 * octaves) {
                     let slow = [flicker, walk, drift];
                     let prior = flicker_prior + walk_prior + drift_prior;
+                    let from = points.len();
                     self.point(pilots, slow, contrast, prior, &mut points);
+                    let best = points[from..]
+                        .iter()
+                        .map(|p| p.0)
+                        .fold(f64::NEG_INFINITY, f64::max);
+                    top = top.max(best);
+                    best_walk = best_walk.max(best);
+                    if over(best, last, top) {
+                        break;
+                    }
+                    last = best;
                 }
+                if over(best_walk, last_walk, top) {
+                    break;
+                }
+                last_walk = best_walk;
             }
         }
         Some(Scatter::new(points))

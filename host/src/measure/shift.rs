@@ -124,10 +124,11 @@ pub(super) fn find(scene: &Scene<'_>, index: usize, column: &str) -> Result<Foun
         after_less_before_g: returned(scene, index),
         motion: None,
     };
+    let own = axis.quantisation.is_none() && beyond_own_noise(scene, index)?;
     Ok(Found {
         axis,
         observed,
-        beyond_own_noise: beyond_own_noise(scene, index)?,
+        beyond_own_noise: own,
         distance,
         longest,
     })
@@ -174,7 +175,8 @@ impl Shift {
         })
     }
 
-    fn of_record(value: f64, scatter: Option<Scatter>) -> Self {
+    /// `least` is an uncertainty that it has at least: what the vibration leaks into the mean.
+    fn of_record(value: f64, scatter: Option<Scatter>, least: f64) -> Self {
         let Some(scatter) = scatter else {
             return Self {
                 value,
@@ -184,14 +186,15 @@ impl Shift {
                 half: None,
             };
         };
-        let (half, sigma) = (scatter.half_width(RISK), scatter.half_width(RISK_OF_SIGMA));
+        let [half, sigma] = [RISK, RISK_OF_SIGMA].map(|risk| scatter.half_width(risk));
+        let wider = (least / sigma).max(1.0);
         let risks = [RISK, RISK_OF_SIGMA];
         Self {
             value,
-            sigma: Some(sigma),
+            sigma: Some(wider * sigma),
             freedom: noise::degrees_of_freedom(half / sigma, risks, MAX_FREEDOM),
-            p_value: Some(scatter.p_value(value)),
-            half: Some(half),
+            p_value: Some(scatter.p_value(value / wider)),
+            half: Some(wider * half),
         }
     }
 }
@@ -261,11 +264,15 @@ impl Record {
         }
         let from = parts.iter().map(|p| p.from).fold(f64::INFINITY, f64::min);
         let to = parts.iter().map(|p| p.to).fold(0.0, f64::max);
+        let during = scene.during.first().and_then(|s| s.channels.get(index));
+        let least = during.map(|channel| match shape {
+            Shape::Parabola => channel.trace.line_fit_estimate(channel.trace.count()),
+            _ => channel.trace.mean_estimate(channel.trace.count()),
+        });
+        let least = least.transpose()?.map_or(0.0, |estimate| estimate.sigma);
         let response: Densities = noise::response(&parts, CELLS);
-        Ok(Shift::of_record(
-            value,
-            self.evidence.scatter(&response, to - from),
-        ))
+        let scatter = self.evidence.scatter(&response, to - from);
+        Ok(Shift::of_record(value, scatter, least))
     }
 
     /// Whether the noise is seen at the distance of the means, that distance, and the longest stretch, s or rows.

@@ -196,7 +196,7 @@ fn plateaus(run: &[f64], tolerance: f64) -> Vec<Range<usize>> {
             within
         });
         let to = from + steady.count().max(1);
-        if let Some(place) = trimmed(&logs, from..to, tolerance) {
+        if let Some(place) = trimmed(&logs, from..to) {
             found.push(place);
         }
         from = to;
@@ -205,13 +205,18 @@ fn plateaus(run: &[f64], tolerance: f64) -> Vec<Range<usize>> {
 }
 
 /// A run without its ends, which can be of a ramp; `None` if it is short or one ramp as a whole.
-fn trimmed(logs: &[f64], run: Range<usize>, tolerance: f64) -> Option<Range<usize>> {
+fn trimmed(logs: &[f64], run: Range<usize>) -> Option<Range<usize>> {
     if run.len() < FEWEST + 2 {
         return None;
     }
     let quarter = run.len() / 4;
     let middle = median(logs[run.start + quarter..run.end - quarter].to_vec())?;
-    let off = |n: &usize| (logs[*n] - middle).abs() > 0.4 * tolerance;
+    let steps = logs[run.clone()]
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]).abs());
+    let scatter = MEDIAN_TO_SIGMA * median(steps.collect())? / 2f64.sqrt();
+    let near = (2.0 * scatter).max(END);
+    let off = |n: &usize| (logs[*n] - middle).abs() > near;
     let from = 1 + run.clone().take_while(off).last().unwrap_or(run.start);
     let to = run
         .clone()
@@ -244,3 +249,7 @@ fn trimmed(logs: &[f64], run: Range<usize>, tolerance: f64) -> Option<Range<usiz
 /// Change of the logarithm of the rms along a plateau from which on it is a ramp. Chosen: 3 % of amplitude are 6 % of
 /// vibration error.
 const RAMP: f64 = 0.03;
+
+/// How near the logarithm of the rms comes to that of the plateau before a ramp ends. Chosen: 0.5 % of amplitude are 1 % of
+/// vibration error, over a few pieces of the plateau.
+const END: f64 = 0.005;
