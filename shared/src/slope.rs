@@ -362,13 +362,16 @@ impl Window {
     }
 }
 
-/// Sums of x s^k, k = 0..=6, over a batch of samples of unit total weight.
+/// Sums of x s^k, k = 0..=6, over a batch of samples of unit total weight, s = -1..1.
 #[derive(Debug, Clone, Copy, Default)]
-struct Batch([f64; 7]);
+pub struct Batch([f64; 7]);
 
 impl Batch {
-    /// Adds the sample at a place 0..SHORTEST of a shortest batch.
-    fn add(&mut self, x: f64, place: u64) {
+    /// Samples of a shortest batch.
+    pub const SHORTEST: u64 = SHORTEST;
+
+    /// Adds the sample at a place 0..[`Self::SHORTEST`] of a shortest batch.
+    pub fn add(&mut self, x: f64, place: u64) {
         let s = (2 * place + 1) as f64 / SHORTEST as f64 - 1.0;
         let mut term = x / SHORTEST as f64;
         for sum in &mut self.0 {
@@ -379,7 +382,7 @@ impl Batch {
 
     /// Joins two neighbouring batches of equal length: s = (s' - 1)/2 in the left one, (s' + 1)/2 in the
     /// right one, where s' is that half's own coordinate.
-    fn join(left: &Self, right: &Self) -> Self {
+    pub fn join(left: &Self, right: &Self) -> Self {
         // r + (-1)^j l, the sums that the binomials of (s' +- 1)^k multiply.
         let even: [f64; 7] = from_fn(|j| right.0[j] + left.0[j]);
         let odd: [f64; 7] = from_fn(|j| right.0[j] - left.0[j]);
@@ -395,6 +398,16 @@ impl Batch {
             };
             scale * (0..=k).map(|j| PASCAL[k][j] * sum(j)).sum::<f64>()
         }))
+    }
+
+    /// Plain mean.
+    pub fn mean(&self) -> f64 {
+        self.0[0]
+    }
+
+    /// Mean under the window (1 - s^2)^3, which keeps a vibration of more than some periods out.
+    pub fn bell_mean(&self) -> f64 {
+        self.means()[2]
     }
 
     /// Mean under each window, in the order of [`Window`].

@@ -4,8 +4,11 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::{Command, Console};
-use crate::error::Error;
-use crate::measure::{self, Axis, Calibration, Columns, Measurement, Request, Selection, Verdict};
+use crate::error::{Error, clip};
+use crate::measure::{
+    self, Axis, Calibration, Columns, Measurement, MotionKind, Outcome, Picture, Plateau, Request,
+    Selection, Unit, Verdict,
+};
 use crate::quantity::Quantity;
 
 /// Measure the vibration error from a raw record: how far the mean shifts under vibration, with its uncertainty and
@@ -44,10 +47,14 @@ pub struct Measure {
     /// Unit of the time
     #[arg(long, value_enum, default_value = "s")]
     time_unit: TimeUnit,
-    /// Scale factor: counts or volts a g; of a record of frames, V/g at the converter's input, behind all dividers of the
+    /// Unit of the output: g, mg, m/s2, V or counts; it is read from the name of the column where that ends with it, as x_g,
+    /// "x (m/s^2)"
+    #[arg(long, value_name = "UNIT", value_parser = unit)]
+    unit: Option<Unit>,
+    /// Scale factor: counts or volts a g, negative of an inverted output; needed unless the unit is one of acceleration; of a record of frames, V/g at the converter's input, behind all dividers of the
     /// front end: 0.12 for an instrument of 1.2 V/g behind a divider by 10
-    #[arg(long, value_name = "UNITS_PER_G", default_value = "1", value_parser = scale, allow_negative_numbers = true)]
-    scale: f64,
+    #[arg(long, value_name = "UNITS_PER_G", value_parser = scale, allow_negative_numbers = true)]
+    scale: Option<f64>,
     /// Where the output clips, g
     #[arg(long, value_name = "G", value_parser = super::positive)]
     full_scale: Option<f64>,
@@ -71,6 +78,10 @@ fn scale(text: &str) -> Result<f64, String> {
     }
 }
 
+fn unit(text: &str) -> Result<Unit, String> {
+    Unit::parse(text).ok_or_else(|| "is none of g, mg, m/s2, V, counts".into())
+}
+
 /// Unit of a column of time.
 #[derive(Clone, Copy, clap::ValueEnum)]
 pub(super) enum TimeUnit {
@@ -86,6 +97,35 @@ impl TimeUnit {
             Self::Ms => 1e3,
             Self::Us => 1e6,
         }
+    }
+}
+
+impl Measure {
+    /// Units a g: as told, or by the unit that is told or stands in the names of the columns.
+    fn units_per_g(&self) -> Result<f64, Error> {
+        if let Some(scale) = self.scale {
+            return Ok(scale);
+        }
+        if self.column.is_empty() {
+            let line = "--scale is needed: V/g at the converter's input, or --column of a table";
+            return Err(Error::Usage(line.into()));
+        }
+        let mut known: Option<f64> = None;
+        for column in &self.column {
+            let unit = self.unit.or_else(|| Unit::of_name(column));
+            let column = clip(column);
+            let Some(units) = unit.and_then(Unit::units_per_g) else {
+                return Err(Error::Usage(format!(
+                    "--scale is needed, units a g of {column}: neither its name nor --unit tells a unit of acceleration"
+                )));
+            };
+            if known.is_some_and(|known| known != units) {
+                let line = format!("{column} is of another unit than the columns before it");
+                return Err(Error::Usage(line));
+            }
+            known = Some(units);
+        }
+        Ok(known.unwrap_or(1.0))
     }
 }
 
@@ -108,6 +148,7 @@ impl Command for Measure {
                 "--temperature-sensitivity is not finite".into(),
             ));
         }
+        let units_per_g = self.units_per_g()?;
         let request = Request {
             columns: Columns {
                 outputs: self.column,
@@ -117,7 +158,7 @@ impl Command for Measure {
             selection,
             run: self.run,
             calibration: Calibration {
-                units_per_g: self.scale,
+                units_per_g,
                 full_scale_g: self.full_scale,
                 temperature_sensitivity_g_per_c: self.temperature_sensitivity,
             },
@@ -166,6 +207,12 @@ fn text(found: &Measurement) -> String {
             means.join(" "),
             rms.join(" "),
         );
+    }
+    if let Some(picture) = &found.picture {
+        write_picture(&mut text, picture);
+    }
+    for plateau in &found.plateaus {
+        write_plateau(&mut text, plateau);
     }
     for axis in &found.axes {
         write_axis(&mut text, axis);
@@ -223,22 +270,82 @@ fn write_axis(text: &mut String, axis: &Axis) {
         axis.rms_before_g,
         axis.rms_during_g,
     );
-    for rival in &axis.rivals {
-        let weight = if rival.decisive {
-            "RIVAL"
-        } else {
-            "rival, too small"
+    for doubt in &axis.doubts {
+        let weight = match (doubt.outcome, doubt.decisive) {
+            (Outcome::Found, true) => "DOUBT",
+            (Outcome::Found, false) => "doubt, too small",
+            (Outcome::Clear, _) => "clear",
+            (Outcome::NotLookedFor, _) => "not looked for",
         };
-        let _ = writeln!(text, "  {weight}: {}", rival.finding);
+        let _ = writeln!(text, "  {weight}: {}: {}", doubt.kind.name(), doubt.finding);
     }
-    let verdict = match axis.verdict {
-        Verdict::NoShift => "no shift beyond the uncertainty",
-        Verdict::Attributable => {
-            "a shift that the vibration explains and nothing else that was looked at"
+    let _ = writeln!(text, "  verdict: {}", in_words(axis));
+}
+
+fn in_words(axis: &Axis) -> String {
+    let reasons: Vec<&str> = axis.reasons.iter().map(|kind| kind.name()).collect();
+    let reasons = reasons.join(", ");
+    match axis.verdict {
+        Verdict::NoShift => "no-shift: none beyond the uncertainty".into(),
+        Verdict::Shift => {
+            "shift: the vibration explains it, and nothing else that was looked for".into()
         }
-        Verdict::NotAttributable => {
-            "a shift, but NOT ATTRIBUTABLE to the vibration: see the rivals and notes"
+        Verdict::CannotTell => format!("cannot-tell: {reasons}"),
+        Verdict::NotAttributable if reasons.is_empty() => {
+            "not-attributable: the noise is unknown, see the notes".into()
         }
+        Verdict::NotAttributable => format!("not-attributable: {reasons}"),
+    }
+}
+
+/// Columns of the picture in a terminal.
+const COLUMNS: usize = 72;
+
+/// The strength of what shakes, in eighths of its logarithm, and what was taken of it.
+fn write_picture(text: &mut String, picture: &Picture) {
+    let by = picture.rms_g.len().div_ceil(COLUMNS).max(1);
+    let loudest = |piece: &[f64]| piece.iter().copied().fold(0.0, f64::max);
+    let columns: Vec<f64> = picture.rms_g.chunks(by).map(loudest).collect();
+    let alive = || columns.iter().copied().filter(|rms| *rms > 0.0);
+    let (low, high) = (alive().fold(f64::INFINITY, f64::min), alive().fold(0.0, f64::max));
+    let bars: Vec<char> = "\u{2581}\u{2582}\u{2583}\u{2584}\u{2585}\u{2586}\u{2587}\u{2588}".chars().collect();
+    let bar = |rms: f64| {
+        let share = (rms.max(low) / low).ln() / (high / low).ln().max(1e-9);
+        bars.get((share * 7.99) as usize).copied().unwrap_or(' ')
     };
-    let _ = writeln!(text, "  verdict: {verdict}");
+    let [from, to] = picture.extent_s;
+    let width = columns.len() as f64;
+    let at = |column: usize| from + (to - from) * (column as f64 + 0.5) / width;
+    let within = |list: &[[f64; 2]], time: f64| list.iter().any(|[a, b]| (*a..=*b).contains(&time));
+    let mark = |column: usize| match at(column) {
+        time if within(&picture.plateaus_s, time) => 'P',
+        time if within(&picture.rests_s, time) => 'r',
+        _ => ' ',
+    };
+    let line: String = columns.iter().map(|rms| bar(*rms)).collect();
+    let marks: String = (0..columns.len()).map(mark).collect();
+    let _ = writeln!(
+        text,
+        "\n{line}  rms {low:.3e} to {high:.3e} g, logarithmic\n{marks}  {from:.4} to {to:.4} s; P plateau, r rest"
+    );
+}
+
+fn write_plateau(text: &mut String, plateau: &Plateau) {
+    let motion = match (plateau.kind, plateau.frequency_hz, plateau.band_hz) {
+        (MotionKind::Sine, Some(frequency), _) => {
+            format!("sine of {:.4} g peak at {frequency:.4} Hz", plateau.level_g)
+        }
+        (_, _, Some([low, high])) => {
+            format!("random, {:.4} g rms, {low:.4} to {high:.4} Hz", plateau.level_g)
+        }
+        _ => format!("{:.4} g", plateau.level_g),
+    };
+    let _ = writeln!(
+        text,
+        "\nPLATEAU {:.3} to {:.3} s: {motion} on {}; against the rest {}",
+        plateau.from_s, plateau.to_s, plateau.column, plateau.against
+    );
+    for axis in &plateau.axes {
+        write_axis(text, axis);
+    }
 }

@@ -1,13 +1,12 @@
 //! `vre rests`
 
-use std::fs::File;
 use std::path::PathBuf;
 
 use super::measure::TimeUnit;
 use super::{Command, Console, positive};
 use crate::campaign::{TriadConfig, write_positions};
 use crate::error::Error;
-use crate::import::delimited::Columns;
+use crate::import::Columns;
 use crate::triad::{rests, text};
 
 /// Find the rests in a continuous record of a triad that was turned by hand, and write them as positions
@@ -63,8 +62,7 @@ impl Command for Rests {
             time: Some((self.time, self.time_unit.per_second())),
             temperature: self.temperature,
         };
-        let source = File::open(&self.record).map_err(Error::read(&self.record))?;
-        let found = rests::find(&self.record, source, &columns, self.least)?;
+        let found = rests::find(&self.record, &columns, self.least)?;
         let mut told = text::rests(&found);
         if let Some(out) = &self.out {
             let head = out.join("campaign.toml");

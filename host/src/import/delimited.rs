@@ -6,22 +6,12 @@ use std::path::{Path, PathBuf};
 
 use csv::ByteRecord;
 
+use super::{Columns, Rows};
 use crate::campaign::{RowSource, read_error};
 use crate::error::{Error, Place, Problem};
 
 /// Beyond it a number is no temperature, C.
 const MAX_TEMPERATURE_C: f64 = 1e4;
-
-/// Names of the columns and their units.
-#[derive(Clone, Debug)]
-pub struct Columns {
-    /// Output of the instrument, one column an axis.
-    pub outputs: Vec<String>,
-    /// Time, and how many of its units make a second.
-    pub time: Option<(String, f64)>,
-    /// Temperature, C.
-    pub temperature: Option<String>,
-}
 
 /// An open table.
 pub struct Table<R> {
@@ -100,89 +90,8 @@ impl<R: Read> Table<R> {
         })
     }
 
-    /// The next row, or none after the last.
-    ///
-    /// # Errors
-    /// What the file system says; a row of another length than the header, or too long.
-    pub fn next_row(&mut self) -> Result<Option<Row<'_, R>>, Error> {
-        let byte = self.reader.position().byte();
-        self.reader.get_mut().begin_row(byte);
-        let more = self.reader.read_byte_record(&mut self.record);
-        let more = more.map_err(|error| {
-            let line = error
-                .position()
-                .and_then(|at| self.reader.get_ref().line(at));
-            read_error(&self.file, &self.header, error, line)
-        })?;
-        Ok(more.then_some(Row { table: self }))
-    }
-}
-
-/// One row of a table. A cell is read when it is asked for: what nobody needs may be anything.
-pub struct Row<'t, R> {
-    table: &'t Table<R>,
-}
-
-impl<R: Read> Row<'_, R> {
-    /// Time, s; none without such a column.
-    ///
-    /// # Errors
-    /// The cell is not a finite number.
-    pub fn time_s(&self) -> Result<Option<f64>, Error> {
-        let seconds = |(index, units)| Ok(self.number(index)? / units);
-        self.table.time.map(seconds).transpose()
-    }
-
-    /// The group that the row belongs to; none without such a column.
-    ///
-    /// # Errors
-    /// The cell is empty or no text.
-    pub fn group(&self) -> Result<Option<&str>, Error> {
-        self.table.group.map(|index| self.text(index)).transpose()
-    }
-
-    /// Temperature, C; none without such a column.
-    ///
-    /// # Errors
-    /// The cell is not a finite number, or no temperature.
-    pub fn temperature_c(&self) -> Result<Option<f64>, Error> {
-        let Some(index) = self.table.temperature else {
-            return Ok(None);
-        };
-        let temperature = self.number(index)?;
-        if temperature.abs() > MAX_TEMPERATURE_C {
-            let problem = format!("{temperature:e} C is no temperature");
-            return Err(self.error(index, Problem::Other(problem)));
-        }
-        Ok(Some(temperature))
-    }
-
-    /// The output of an axis, in the order of [`Columns::outputs`], in the table's own unit.
-    ///
-    /// # Errors
-    /// The cell is not a finite number.
-    pub fn output(&self, axis: usize) -> Result<f64, Error> {
-        self.number(self.table.outputs[axis])
-    }
-
-    /// An error in the time of this row, or in the row as a whole without such a column.
-    pub fn time_error(&self, problem: Problem) -> Error {
-        match self.table.time {
-            Some((index, _)) => self.error(index, problem),
-            None => Error::Input {
-                place: self.place(None),
-                problem,
-            },
-        }
-    }
-
-    /// An error in the output of an axis.
-    pub fn output_error(&self, axis: usize, problem: Problem) -> Error {
-        self.error(self.table.outputs[axis], problem)
-    }
-
     fn text(&self, index: usize) -> Result<&str, Error> {
-        let cell = self.table.record.get(index).unwrap_or_default();
+        let cell = self.record.get(index).unwrap_or_default();
         match std::str::from_utf8(cell) {
             Ok("") => Err(self.error(index, Problem::Empty)),
             Ok(text) => Ok(text),
@@ -200,24 +109,65 @@ impl<R: Read> Row<'_, R> {
     }
 
     fn error(&self, index: usize, problem: Problem) -> Error {
-        let column = self.table.header.get(index).cloned();
+        let column = self.header.get(index).cloned();
         Error::Input {
             place: self.place(Some(column.unwrap_or_default())),
             problem,
         }
     }
 
-    /// Line of the row in the file, from 1.
-    pub fn line(&self) -> Option<u64> {
-        let source = self.table.reader.get_ref();
-        source.line(self.table.record.position()?)
-    }
-
     fn place(&self, column: Option<String>) -> Place {
         Place {
-            file: self.table.file.clone(),
+            file: self.file.clone(),
             row: self.line(),
             column,
         }
+    }
+}
+
+impl<R: Read> Rows for Table<R> {
+    fn advance(&mut self) -> Result<bool, Error> {
+        let byte = self.reader.position().byte();
+        self.reader.get_mut().begin_row(byte);
+        let more = self.reader.read_byte_record(&mut self.record);
+        more.map_err(|error| {
+            let line = error
+                .position()
+                .and_then(|at| self.reader.get_ref().line(at));
+            read_error(&self.file, &self.header, error, line)
+        })
+    }
+
+    fn time_s(&self) -> Result<Option<f64>, Error> {
+        let seconds = |(index, units)| Ok(self.number(index)? / units);
+        self.time.map(seconds).transpose()
+    }
+
+    fn group(&self) -> Result<Option<&str>, Error> {
+        self.group.map(|index| self.text(index)).transpose()
+    }
+
+    fn temperature_c(&self) -> Result<Option<f64>, Error> {
+        let Some(index) = self.temperature else {
+            return Ok(None);
+        };
+        let temperature = self.number(index)?;
+        if temperature.abs() > MAX_TEMPERATURE_C {
+            let problem = format!("{temperature:e} C is no temperature");
+            return Err(self.error(index, Problem::Other(problem)));
+        }
+        Ok(Some(temperature))
+    }
+
+    fn output(&self, axis: usize) -> Result<f64, Error> {
+        self.number(self.outputs[axis])
+    }
+
+    fn output_error(&self, axis: usize, problem: Problem) -> Error {
+        self.error(self.outputs[axis], problem)
+    }
+
+    fn line(&self) -> Option<u64> {
+        self.reader.get_ref().line(self.record.position()?)
     }
 }

@@ -86,7 +86,9 @@ pub(super) fn read(
         let note = note.map(|note| format!("; {note}")).unwrap_or_default();
         return Err(Error::input(file, problem + &note));
     }
-    Ok((reader.segments, tally, note))
+    let mut segments = reader.segments;
+    segments.iter_mut().for_each(Segment::finish);
+    Ok((segments, tally, note))
 }
 
 /// What is wrong with a record in which the instrument never says who it is; `held` counts its blocks and frames of raw
@@ -192,6 +194,7 @@ impl Frames<'_> {
         let unit = self.g_per_code(&identity);
         let limit = self.calibration.clip_g().unwrap_or(f64::INFINITY);
         let segment = self.segment(role);
+        segment.reach(block.first_sample as f64 / f64::from(block.count));
         let Some(channel) = segment.channels.first_mut() else {
             return Ok(());
         };
@@ -219,12 +222,12 @@ impl Frames<'_> {
             self.same_session()?;
             let segment = self.segment(role);
             // Samples that were lost are a gap in time.
-            let _ = segment.tick(time_s);
+            segment.tick(time_s, index);
             let Some(channel) = segment.channels.first_mut() else {
                 continue;
             };
             channel
-                .push(f64::from(code) * unit, None)
+                .push(f64::from(code) * unit, None, index)
                 .map_err(Failure::Input)?;
             channel.step_g = Some(unit);
             let output_g = f64::from(code) * unit;

@@ -1,41 +1,46 @@
 //! Measured vibration error from a raw record: how far the mean output shifts when the vibration sets in, with
 //! its uncertainty, and what else could have shifted it.
 //!
-//! Within a segment the uncertainty is that of [`shared::slope`]. Of several segments (files of one family)
-//! the scatter between them counts as well: the mean of each side has the larger of the two variances.
-//! A shift that something else explains is never called a vibration error (`rival.rs`).
+//! A record goes one way: [`survey`] finds rests and plateaus, `table.rs` or `frames.rs` make [`segment`]s of them,
+//! `shift.rs` compares their means by what `noise.rs` learns of the noise, and `doubts.rs` looks for everything else that
+//! could have shifted a mean. A shift that something else explains is never called a vibration error.
 
+mod answer;
+mod doubts;
 mod frames;
+mod motion;
+mod noise;
+mod plateaus;
 mod quantisation;
-mod rival;
+mod screen;
 mod segment;
 mod selection;
+mod shift;
+mod spread;
+mod survey;
 mod table;
+mod unit;
 
 use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use serde::Serialize;
-use shared::slope::{Estimate, MIN_SAMPLES, SlopeError};
-use statrs::distribution::{ContinuousCDF, StudentsT};
+use shared::slope::{MIN_SAMPLES, SlopeError};
 
+pub use answer::{Axis, Doubt, Kind, Measurement, Outcome, Picture, Plateau, Summary, Verdict};
+pub use motion::{Kind as MotionKind, Motion};
 pub use quantisation::Quantisation;
-pub use rival::{Kind, Rival};
 pub use segment::{Role, Segment, Spread};
 pub use selection::{Names, Selection, Window};
+pub use unit::Unit;
 
-pub use crate::import::delimited::Columns;
+pub use crate::import::Columns;
 
 use crate::error::{Error, Problem, clip};
 use crate::quantity::Quantity;
-use crate::record::Tally;
-
-/// Two-sided risk at which a shift is called significant.
-const RISK: f64 = 0.05;
-
-/// Degrees of freedom beyond which Student's t is the normal distribution.
-const MAX_FREEDOM: f64 = 1e6;
+use shift::Scene;
+use survey::Stretch;
+use table::Wanted;
 
 /// Bytes by which a record of frames is told from a table, if columns are named: a table has no zero byte.
 const SNIFF: usize = 4096;
@@ -73,92 +78,8 @@ pub struct Request {
     pub calibration: Calibration,
 }
 
-/// The measured shift of the mean, `vre-measurement/1`.
-#[derive(Clone, Debug, Serialize)]
-pub struct Measurement {
-    /// `vre-measurement/1`.
-    pub format: &'static str,
-    /// The file.
-    pub input: String,
-    /// What the worst axis gives.
-    pub verdict: Verdict,
-    /// One for each column.
-    pub axes: Vec<Axis>,
-    /// Scale factor: of a record of frames in V/g at the converter's input, behind all dividers.
-    pub units_per_g: f64,
-    /// The segments in the order of the record.
-    pub segments: Vec<Summary>,
-    /// What should be known about the record, without bearing on the verdict.
-    pub notes: Vec<String>,
-    /// What a record of frames holds and lost.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub record: Option<Tally>,
-}
-
-/// What can be said of a shift.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Verdict {
-    /// Zero lies within the interval of 95 %.
-    NoShift,
-    /// Significant, and nothing that was looked at explains it but the vibration.
-    Attributable,
-    /// Significant, but something else explains as much.
-    NotAttributable,
-}
-
-/// The shift of one axis.
-#[derive(Clone, Debug, Serialize)]
-pub struct Axis {
-    /// The column.
-    pub column: String,
-    /// Verdict.
-    pub verdict: Verdict,
-    /// Shift by integration and line fit, g.
-    pub shift_g: Quantity,
-    /// Degrees of freedom of its uncertainty, at most a million.
-    pub degrees_of_freedom: f64,
-    /// Probability of a shift at least as large if there were none; none if the noise is unknown.
-    pub p_value: Option<f64>,
-    /// Interval of 95 %, g.
-    pub interval_95_g: [f64; 2],
-    /// Plain difference of the means, g.
-    pub mean_difference_g: Quantity,
-    /// Standard deviation before, the root of the mean square over segments, g.
-    pub rms_before_g: f64,
-    /// The same during, g.
-    pub rms_during_g: f64,
-    /// The step that hides the noise of a segment without scatter, g; the noise is unknown then.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub quantisation: Option<Quantisation>,
-    /// Share of samples (or of blocks that hold some) at the limits during the vibration.
-    pub clipped_share: f64,
-    /// What else could have shifted the mean.
-    pub rivals: Vec<Rival>,
-}
-
-/// One segment.
-#[derive(Clone, Debug, Serialize)]
-pub struct Summary {
-    /// Its name.
-    pub name: String,
-    /// `before` or `during`.
-    pub role: String,
-    /// Samples.
-    pub samples: u64,
-    /// The blocks that they came in, if it was measured from blocks.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub blocks: Option<u64>,
-    /// Mean of each column, with its uncertainty within the segment, g.
-    pub mean_g: Vec<Quantity>,
-    /// Standard deviation of each column, g.
-    pub rms_g: Vec<f64>,
-    /// Mean temperature, C.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub temperature_c: Option<f64>,
-}
-
-/// Measures the vibration error in `file`: a CSV table or a record of frames.
+/// Measures the vibration error in `file`: a table of any format that [`import`](crate::import) knows, or a record of
+/// frames. Without a selection the rests and plateaus of a table are found.
 ///
 /// # Errors
 /// Bad input, with file, row and column; nothing selected; too few samples.
@@ -173,50 +94,142 @@ pub fn measure(file: &Path, request: &Request) -> Result<Measurement, Error> {
     if head.is_empty() {
         return Err(Error::input(file, Problem::EmptyFile));
     }
-    let is_record = request.columns.outputs.is_empty() || head.contains(&0);
-    let source = Cursor::new(head).chain(source);
-    let calibration = &request.calibration;
-    let (segments, columns, record, left_out) = if is_record {
-        let selection = request.selection.as_ref();
-        if matches!(selection, Some(Selection::Groups { .. })) {
-            let problem = "--group needs a table and its --column; a record of frames has none";
-            return Err(Error::input(file, problem));
+    if request.columns.outputs.is_empty() || head.contains(&0) {
+        return of_frames(file, Cursor::new(head).chain(source), request);
+    }
+    let columns = &request.columns;
+    let mut found = match &request.selection {
+        Some(selection @ Selection::Groups { .. }) => {
+            let segments = table::read_groups(file, columns, selection, &request.calibration)?;
+            let scene = Scene {
+                before: of_role(&segments, Role::Before),
+                during: of_role(&segments, Role::During),
+                after: None,
+                bracketed: false,
+                witnesses: Vec::new(),
+                separate: true,
+            };
+            let timed = columns.time.is_some();
+            reduce(file, &scene, &columns.outputs, &request.calibration, timed)?
         }
-        let (segments, tally, left_out) =
-            frames::read(file, source, selection, request.run, calibration)?;
-        (segments, vec!["instrument".into()], Some(tally), left_out)
-    } else {
-        let selection = request.selection.as_ref();
-        let selection =
-            selection.ok_or_else(|| Error::input(file, "a table needs --before and --during"))?;
-        let segments = table::read(file, source, &request.columns, selection, calibration)?;
-        (segments, request.columns.outputs.clone(), None, None)
+        Some(selection) => of_windows(file, request, selection)?,
+        None => plateaus::measure(file, request)?,
     };
-    // Between files the instrument can have been touched.
-    let separate = matches!(request.selection, Some(Selection::Groups { .. }));
-    let mut found = reduce(file, &segments, &columns, calibration, separate, record)?;
-    found.notes.extend(left_out);
+    name_rows(file, columns, &mut found)?;
     Ok(found)
 }
 
+fn of_frames(file: &Path, source: impl Read, request: &Request) -> Result<Measurement, Error> {
+    let selection = request.selection.as_ref();
+    if matches!(selection, Some(Selection::Groups { .. })) {
+        let problem = "--group needs a table and its --column; a record of frames has none";
+        return Err(Error::input(file, problem));
+    }
+    let (segments, tally, left_out) =
+        frames::read(file, source, selection, request.run, &request.calibration)?;
+    let scene = scene(&segments);
+    let timed = segments.iter().all(|s| s.interval_s.count > 0);
+    let columns = ["instrument".to_owned()];
+    let mut found = reduce(file, &scene, &columns, &request.calibration, timed)?;
+    found.notes.extend(left_out);
+    found.record = Some(tally);
+    found.axes.iter_mut().flat_map(texts).for_each(|text| {
+        *text = doubts::named(text, |sample| format!("sample {sample}"));
+    });
+    Ok(found)
+}
+
+/// Two windows of one record, which is surveyed for more of its noise and for a rest after the vibration.
+fn of_windows(file: &Path, request: &Request, selection: &Selection) -> Result<Measurement, Error> {
+    let Request {
+        columns,
+        calibration,
+        ..
+    } = request;
+    let needed = |at: f64| match selection {
+        Selection::Windows { before, during } => before.has(at) || during.has(at),
+        Selection::Groups { .. } => false,
+    };
+    let survey = table::survey(file, columns, calibration, needed)?;
+    let stretches = survey.stretches().into_iter();
+    let rests = stretches.filter(|(kind, _)| *kind == Stretch::Rest);
+    let wanted: Vec<Wanted> = rests
+        .map(|(_, rows)| Wanted {
+            name: "rest".into(),
+            role: Role::Rest,
+            rows: Some(rows),
+        })
+        .collect();
+    // A rest that cannot be read is no witness.
+    let segments = table::read_stretches(file, columns, Some(selection), &wanted, calibration)
+        .or_else(|_| table::read_stretches(file, columns, Some(selection), &[], calibration))?;
+    let timed = columns.time.is_some();
+    reduce(
+        file,
+        &scene(&segments),
+        &columns.outputs,
+        calibration,
+        timed,
+    )
+}
+
+/// Of the segments of one record: a rest that holds the window before stands for it where noise is concerned.
+fn scene(segments: &[Segment]) -> Scene<'_> {
+    let [before, during] = [Role::Before, Role::During].map(|role| of_role(segments, role));
+    let overlap = |a: &Segment, b: &Segment| match (a.extent, b.extent) {
+        (Some([a0, a1]), Some([b0, b1])) => ((a1.min(b1) - a0.max(b0)) / (b1 - b0)).max(0.0),
+        _ => 0.0,
+    };
+    let shaken = |rest: &&Segment| during.iter().all(|during| overlap(during, rest) == 0.0);
+    let mut witnesses: Vec<&Segment> = of_role(segments, Role::Rest);
+    witnesses.retain(shaken);
+    let covered = |window: &&Segment| witnesses.iter().any(|rest| overlap(rest, window) > 0.8);
+    let own: Vec<&Segment> = before.iter().copied().filter(|b| !covered(b)).collect();
+    witnesses.retain(|rest| own.iter().all(|b| overlap(b, rest) == 0.0));
+    let end = during
+        .first()
+        .and_then(|d| d.extent)
+        .map_or(f64::INFINITY, |e| e[1]);
+    let after = witnesses
+        .iter()
+        .copied()
+        .filter(|rest| rest.extent.is_some_and(|e| e[0] >= end));
+    let after = after.min_by(|a, b| shift::middle(a).total_cmp(&shift::middle(b)));
+    witnesses.extend(own);
+    witnesses.extend(during.first());
+    Scene {
+        before,
+        during,
+        after,
+        bracketed: false,
+        witnesses,
+        separate: false,
+    }
+}
+
+fn of_role(segments: &[Segment], role: Role) -> Vec<&Segment> {
+    segments
+        .iter()
+        .filter(|segment| segment.role == role)
+        .collect()
+}
+
+/// The answer of one scene.
 fn reduce(
     file: &Path,
-    segments: &[Segment],
+    scene: &Scene<'_>,
     columns: &[String],
     calibration: &Calibration,
-    separate: bool,
-    record: Option<Tally>,
+    timed: bool,
 ) -> Result<Measurement, Error> {
-    for role in [Role::Before, Role::During] {
-        if !segments.iter().any(|segment| segment.role == role) {
+    for (role, side) in [(Role::Before, &scene.before), (Role::During, &scene.during)] {
+        if side.is_empty() {
             let problem = format!("no sample is selected by --{role}");
             return Err(Error::input(file, Problem::Other(problem)));
         }
     }
-    if let Some(short) = segments
-        .iter()
-        .find(|segment| segment.count() < MIN_SAMPLES)
-    {
+    let segments: Vec<&Segment> = [scene.before.as_slice(), &scene.during].concat();
+    if let Some(short) = segments.iter().find(|s| s.count() < MIN_SAMPLES) {
         let (name, count) = (clip(&short.name), short.count());
         let what = short.samples_in_blocks().map_or("samples", |_| "blocks");
         let problem =
@@ -224,40 +237,13 @@ fn reduce(
         return Err(Error::input(file, problem));
     }
     let failed = |error: SlopeError| Error::input(file, Problem::Other(error.to_string()));
-    let mut axes = Vec::new();
-    for (index, column) in columns.iter().enumerate() {
-        axes.push(axis(segments, index, column).map_err(failed)?);
-    }
-    rival::judge(&mut axes, segments, calibration, separate);
-    let mut summaries = Vec::new();
-    for segment in segments {
-        let mut mean_g = Vec::new();
-        for channel in &segment.channels {
-            let estimate = channel
-                .trace
-                .mean_estimate(segment.count())
-                .map_err(failed)?;
-            mean_g.push(match Quantisation::hides(&estimate, channel.step_g) {
-                Some(hidden) => hidden.quantity(estimate, 1),
-                None => Quantity::new(estimate.value, estimate.sigma),
-            });
-        }
-        let in_blocks = segment.samples_in_blocks();
-        summaries.push(Summary {
-            name: segment.name.clone(),
-            role: segment.role.to_string(),
-            samples: in_blocks.unwrap_or(segment.count()),
-            blocks: in_blocks.map(|_| segment.count()),
-            mean_g,
-            rms_g: segment
-                .channels
-                .iter()
-                .map(|c| c.spread.standard_deviation())
-                .collect(),
-            temperature_c: (segment.temperature_c.count > 0).then_some(segment.temperature_c.mean),
-        });
-    }
-    let mut notes = rival::notes(segments, columns);
+    let axes = columns.iter().enumerate();
+    let axes = axes.map(|(index, column)| shift::find(scene, index, column));
+    let axes = axes.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+    let axes = doubts::judge(axes, scene, calibration, timed);
+    let summaries = segments.iter().map(|segment| summary(segment));
+    let summaries = summaries.collect::<Result<_, _>>().map_err(failed)?;
+    let mut notes = doubts::notes(scene, columns);
     notes.extend(axes.iter().filter_map(|axis| {
         let hidden = axis.quantisation.as_ref()?;
         Some(hidden.note(&axis.column))
@@ -265,123 +251,85 @@ fn reduce(
     Ok(Measurement {
         format: "vre-measurement/1",
         input: file.display().to_string(),
-        verdict: axes
-            .iter()
-            .map(|axis| axis.verdict)
-            .max()
-            .unwrap_or(Verdict::NoShift),
+        verdict: worst(&axes),
+        reasons: reasons(&axes),
         axes,
         units_per_g: calibration.units_per_g,
         segments: summaries,
         notes,
-        record,
+        record: None,
+        plateaus: Vec::new(),
+        picture: None,
     })
 }
 
-fn axis(segments: &[Segment], index: usize, column: &str) -> Result<Axis, SlopeError> {
-    let side = |role: Role| segments.iter().filter(move |segment| segment.role == role);
-    let longest = |role| side(role).map(Segment::count).max().unwrap_or(0);
-    let span = longest(Role::Before) + longest(Role::During);
-    let of = |role: Role, line_fit: bool| {
-        let traces = side(role)
-            .filter_map(|s| s.channels.get(index))
-            .map(|c| &c.trace);
-        let estimates: Result<Vec<_>, _> = traces
-            .map(|t| {
-                if line_fit {
-                    t.line_fit_estimate(span)
-                } else {
-                    t.mean_estimate(span)
-                }
-            })
-            .collect();
-        estimates.map(|estimates| pooled(&estimates))
-    };
-    let before = of(Role::Before, false)?;
-    let shift = of(Role::During, true)?.minus(before);
-    let difference = of(Role::During, false)?.minus(before);
-    let rms = |role: Role| {
-        let squares: Spread = side(role)
-            .filter_map(|s| s.channels.get(index))
-            .map(|c| c.spread.standard_deviation().powi(2))
-            .collect();
-        squares.mean.sqrt()
-    };
-    let (p_value, half) = significance(&shift);
-    let quantisation = Quantisation::of(segments, index)?;
-    let quantity = |figure: Estimate| match &quantisation {
-        Some(hidden) => hidden.quantity(figure, 2),
-        None => Quantity::new(figure.value, figure.sigma),
-    };
-    let half = match &quantisation {
-        Some(hidden) => half + hidden.step_g.unwrap_or(f64::INFINITY),
-        None => half,
-    };
-    let verdict = match &quantisation {
-        None if p_value < RISK => Verdict::Attributable,
-        Some(_) if shift.value.abs() > half => Verdict::NotAttributable,
-        _ => Verdict::NoShift,
-    };
-    Ok(Axis {
-        column: column.into(),
-        verdict,
-        shift_g: quantity(shift),
-        degrees_of_freedom: shift.degrees_of_freedom.min(MAX_FREEDOM),
-        p_value: quantisation.is_none().then_some(p_value),
-        interval_95_g: [shift.value - half, shift.value + half],
-        mean_difference_g: quantity(difference),
-        rms_before_g: rms(Role::Before),
-        rms_during_g: rms(Role::During),
-        quantisation,
-        clipped_share: 0.0,
-        rivals: Vec::new(),
-    })
+fn worst(axes: &[Axis]) -> Verdict {
+    let verdicts = axes.iter().map(|axis| axis.verdict);
+    verdicts.max().unwrap_or(Verdict::NoShift)
 }
 
-/// The mean of some estimates: its variance is that of the scatter between them or that within them,
-/// whichever is larger.
-fn pooled(estimates: &[Estimate]) -> Estimate {
-    let n = estimates.len() as f64;
-    let scatter: Spread = estimates.iter().map(|estimate| estimate.value).collect();
-    let between = scatter.standard_deviation() / n.sqrt();
-    // Adding up as differences of independent figures do, then the mean.
-    let nothing = Estimate {
-        value: 0.0,
-        sigma: 0.0,
-        degrees_of_freedom: f64::INFINITY,
-    };
-    let within = estimates
+/// Reasons of the axes of whose shift nothing can be claimed.
+fn reasons(axes: &[Axis]) -> Vec<Kind> {
+    let mut all = Vec::new();
+    for reason in axes
         .iter()
-        .fold(nothing, |sum, &estimate| estimate.minus(sum))
-        .divided_by(n);
-    let (sigma, degrees_of_freedom) = if between > within.sigma {
-        (between, n - 1.0)
-    } else {
-        (within.sigma, within.degrees_of_freedom)
-    };
-    Estimate {
-        value: scatter.mean,
-        sigma,
-        degrees_of_freedom,
+        .filter(|axis| axis.verdict >= Verdict::CannotTell)
+        .flat_map(|axis| &axis.reasons)
+    {
+        if !all.contains(reason) {
+            all.push(*reason);
+        }
     }
+    all
 }
 
-/// Probability of a value as far from zero, and half the interval of 95 %; no claim where there is no
-/// uncertainty to measure it by.
-fn significance(estimate: &Estimate) -> (f64, f64) {
-    let unknown = (1.0, f64::INFINITY);
-    if !(estimate.value.is_finite() && estimate.sigma.is_finite()) {
-        return unknown;
+fn summary(segment: &Segment) -> Result<Summary, SlopeError> {
+    let mut mean_g = Vec::new();
+    for channel in &segment.channels {
+        let estimate = channel.trace.mean_estimate(segment.count())?;
+        mean_g.push(match Quantisation::hides(&estimate, channel.step_g) {
+            Some(hidden) => hidden.quantity(estimate.value, estimate.sigma, 1),
+            None => Quantity::new(estimate.value, estimate.sigma),
+        });
     }
-    let freedom = estimate.degrees_of_freedom.clamp(0.1, MAX_FREEDOM);
-    match StudentsT::new(0.0, 1.0, freedom) {
-        Ok(t) if estimate.sigma > 0.0 => {
-            let z = (estimate.value / estimate.sigma).abs();
-            (
-                2.0 * t.sf(z),
-                t.inverse_cdf(1.0 - RISK / 2.0) * estimate.sigma,
-            )
-        }
-        _ => unknown,
+    let in_blocks = segment.samples_in_blocks();
+    let deviations = segment.channels.iter();
+    Ok(Summary {
+        name: segment.name.clone(),
+        role: segment.role.to_string(),
+        samples: in_blocks.unwrap_or(segment.count()),
+        blocks: in_blocks.map(|_| segment.count()),
+        mean_g,
+        rms_g: deviations.map(|c| c.spread.standard_deviation()).collect(),
+        temperature_c: (segment.temperature_c.count > 0).then_some(segment.temperature_c.mean),
+    })
+}
+
+/// The texts of an axis that may name rows.
+fn texts(axis: &mut Axis) -> impl Iterator<Item = &mut String> {
+    let all = axis.doubts.iter_mut().chain(&mut axis.rivals);
+    all.map(|doubt| &mut doubt.finding)
+}
+
+/// Puts lines of the file in the place of numbers of rows.
+fn name_rows(file: &Path, columns: &Columns, found: &mut Measurement) -> Result<(), Error> {
+    let plateaus = found.plateaus.iter_mut().flat_map(|p| &mut p.axes);
+    let mut texts: Vec<&mut String> = found
+        .axes
+        .iter_mut()
+        .chain(plateaus)
+        .flat_map(texts)
+        .collect();
+    let wanted: Vec<u64> = texts.iter().flat_map(|text| doubts::rows(text)).collect();
+    if wanted.is_empty() {
+        return Ok(());
     }
+    let lines = table::lines(file, columns, &wanted)?;
+    for text in &mut texts {
+        **text = doubts::named(text, |row| match lines.get(&row) {
+            Some(line) => format!("row {line}"),
+            None => format!("sample {row}"),
+        });
+    }
+    Ok(())
 }

@@ -19,7 +19,7 @@ pub struct Quantisation {
 
 impl Quantisation {
     /// The step of a column, if it hides the noise of a segment.
-    pub(super) fn of(segments: &[Segment], index: usize) -> Result<Option<Self>, SlopeError> {
+    pub(super) fn of(segments: &[&Segment], index: usize) -> Result<Option<Self>, SlopeError> {
         let channels = || segments.iter().filter_map(|s| s.channels.get(index));
         let within = channels().filter_map(|c| c.step_g).reduce(f64::min);
         let means: Spread = channels().filter_map(|c| c.trace.mean()).collect();
@@ -42,13 +42,11 @@ impl Quantisation {
 
     /// With the uncertainty of `times` rectangular distributions of one step, JCGM 100:2008 F.2.2.1; of unknown
     /// uncertainty if the step is unknown.
-    pub(super) fn quantity(&self, estimate: Estimate, times: u8) -> Quantity {
+    pub(super) fn quantity(&self, value: f64, sigma: f64, times: u8) -> Quantity {
         let step_sigma = |step: f64| step * (f64::from(times) / 12.0).sqrt();
         Quantity {
-            value: Some(estimate.value),
-            sigma: self
-                .step_g
-                .map(|step| estimate.sigma.hypot(step_sigma(step))),
+            value: Some(value),
+            sigma: self.step_g.map(|step| sigma.hypot(step_sigma(step))),
         }
     }
 

@@ -116,6 +116,8 @@ impl std::fmt::Display for Role {
         f.write_str(match self {
             Self::Before => "before",
             Self::During => "during",
+            Self::Rest => "rest",
+            Self::Plateau => "plateau",
         })
     }
 }

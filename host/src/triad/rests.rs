@@ -7,14 +7,13 @@
 //! The standard uncertainty of a mean is that of white noise times a factor of the whole record: how much more the blocks' means
 //! scatter within rests than white noise would let them.
 
-use std::io::Read;
 use std::path::Path;
 
 use serde::Serialize;
 
 use crate::campaign::TriadPosition;
-use crate::error::{Error, Problem};
-use crate::import::delimited::{Columns, Table};
+use crate::error::{Error, Place, Problem};
+use crate::import::{Columns, open};
 use crate::median::median;
 
 /// Length of a block, s.
@@ -90,22 +89,22 @@ struct Block {
 ///
 /// # Errors
 /// A table that cannot be read, without time, or in which time goes backwards; one without any rest.
-pub fn find(
-    file: &Path,
-    source: impl Read,
-    columns: &Columns,
-    least_s: f64,
-) -> Result<Rests, Error> {
-    let mut table = Table::open(file, source, columns, None)?;
+pub fn find(file: &Path, columns: &Columns, least_s: f64) -> Result<Rests, Error> {
+    let mut row = open(file, columns, None)?;
     let mut blocks = Blocks::default();
-    while let Some(row) = table.next_row()? {
+    while row.advance()? {
         let time_s = row.time_s()?.ok_or_else(|| {
             Error::Usage("rests are found by time; name its column with --time".into())
         })?;
         let sample = [row.output(0)?, row.output(1)?, row.output(2)?];
         if blocks.add(time_s, sample, row.temperature_c()?).is_err() {
             let problem = Problem::Other(format!("time goes backwards to {time_s} s"));
-            return Err(row.time_error(problem));
+            let place = Place {
+                row: row.line(),
+                column: columns.time.as_ref().map(|(name, _)| name.clone()),
+                ..Place::file(file)
+            };
+            return Err(Error::Input { place, problem });
         }
     }
     let rests = of_blocks(&blocks.finish(), least_s);
