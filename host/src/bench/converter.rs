@@ -6,7 +6,7 @@
 //!
 //! Simplified: conversions keep their beat through resets and settings; global chop, phase delays, calibration and
 //! power modes are not modelled; words have 24 bits and CCITT checksums; the filter's response is that of the part's at
-//! [`OVERSAMPLING`] times the data rate ([`filter`]). The register map's checksum is looked at when a conversion ends.
+//! [`OVERSAMPLING`] times the data rate (`filter`). The register map's checksum is looked at when a conversion ends.
 
 use firmware::adc::ads131m0x::registers::last_writable_address;
 use firmware::adc::frame::{CHANNELS, FORMAT, FRAME, reset_answer};
