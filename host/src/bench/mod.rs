@@ -8,13 +8,14 @@
 //! ```
 //!
 //! The parts err as real ones do ([`dial`], [`noise`], [`environment`]); [`effects`] holds what a model leaves
-//! out. Nothing here knows the averaged formulas that the rest of the project tests itself with: a plateau's
+//! out, [`imperfections`] what persons and devices do that a campaign does not state. Nothing here knows the averaged formulas that the rest of the project tests itself with: a plateau's
 //! mean is the mean of its waveform.
 
 pub mod accelerometer;
 pub mod board;
 pub mod chain;
 pub mod converter;
+pub mod devices;
 pub mod dial;
 pub mod effects;
 #[cfg(feature = "emulated")]
@@ -22,6 +23,7 @@ pub mod emulated;
 pub mod environment;
 pub mod excitation;
 pub mod flash;
+pub mod imperfections;
 pub mod noise;
 pub mod plan;
 pub mod reference;

@@ -6,7 +6,7 @@
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
-use rand_distr::StandardNormal;
+use rand_distr::{ChiSquared, StandardNormal};
 
 /// The seed of a bench, from which named streams are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +36,13 @@ impl Stream {
     #[inline]
     pub fn normal(&mut self) -> f64 {
         self.0.sample(StandardNormal)
+    }
+
+    /// Student's t of `dof` degrees of freedom over its standard deviation: mean 0, standard deviation 1. `dof` must be
+    /// above 2.
+    pub fn student_t(&mut self, dof: f64) -> f64 {
+        let squares = ChiSquared::new(dof).map_or(dof, |chi_squared| self.0.sample(chi_squared));
+        self.normal() * ((dof - 2.0) / squares).sqrt()
     }
 
     /// Uniform in [low, high).
@@ -82,6 +89,18 @@ mod tests {
         assert_ne!(first(1, "dial", 0), first(2, "dial", 0));
         assert_ne!(first(1, "dial", 0), first(1, "level", 0));
         assert_ne!(first(1, "dial", 0), first(1, "dial", 1));
+    }
+
+    #[test]
+    fn student_t_has_unit_variance_and_the_excess_of_its_degrees_of_freedom() {
+        // Kurtosis 3 + 6/(dof - 4); with twenty its estimate scatters about as a Gaussian's, sqrt(24/n), and somewhat more.
+        let mut stream = Seed(3).stream("tails", 0);
+        let count = 400_000;
+        let drawn: Vec<f64> = (0..count).map(|_| stream.student_t(20.0)).collect();
+        let moment = |power| drawn.iter().map(|x| x.powi(power)).sum::<f64>() / f64::from(count);
+        assert!(moment(1).abs() < 4.0 / f64::from(count).sqrt());
+        assert!((moment(2) - 1.0).abs() < 4.0 * (2.4 / f64::from(count)).sqrt());
+        assert!((moment(4) - 3.375).abs() < 0.1);
     }
 
     #[test]

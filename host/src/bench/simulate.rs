@@ -5,6 +5,7 @@ use shared::model::SpecificForce;
 
 use super::accelerometer::Accelerometer;
 use super::chain::{Chain, Constant, Motion};
+use super::devices::Devices;
 use super::dial::{self, Head, HeadSpecification};
 use super::effects::{Effect, Plateau};
 use super::environment::{Exposure, Moment, Room};
@@ -91,6 +92,8 @@ pub struct VirtualBench {
     pub accelerometer: Accelerometer,
     /// What the nominal model does not know.
     pub effects: Vec<Box<dyn Effect>>,
+    /// What its devices do that the campaign does not state.
+    pub devices: Devices,
     head: Head,
     room: Room,
 }
@@ -123,6 +126,24 @@ pub struct Truth {
     pub vre_g: Vec<f64>,
     /// Vibration error of each hold-out run without noise, g.
     pub holdout_vre_g: Vec<f64>,
+    /// What persons and devices did that the campaign does not state; absent if nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub imperfections: Vec<ImperfectionTruth>,
+}
+
+/// One imperfection of a simulated campaign.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ImperfectionTruth {
+    /// Its identifier.
+    pub id: &'static str,
+    /// Its size; none of what either happens or not.
+    pub size: Option<f64>,
+    /// Unit of the size; empty for a pure number.
+    pub unit: &'static str,
+    /// What was drawn, by name with the unit at its end.
+    pub parameters: serde_json::Map<String, serde_json::Value>,
+    /// The rows that it touches, `static.csv:12` by their line; a file's name alone where it touches all of them.
+    pub rows: Vec<String>,
 }
 
 /// One effect of a simulated campaign.
@@ -150,6 +171,7 @@ impl VirtualBench {
             room: Room::draw(specification.reference_temp_c, seed),
             specification,
             effects,
+            devices: Devices::default(),
         }
     }
 
@@ -196,6 +218,7 @@ impl VirtualBench {
                 coefficients: self.accelerometer.coefficients.to_nominal(),
                 vre_g,
                 holdout_vre_g,
+                imperfections: Vec::new(),
             },
         }
     }
@@ -300,7 +323,8 @@ impl VirtualBench {
         let constant = self.constant(self.dwell_force_g(order), time_s, &[]);
         let [i, p, o] = dial::nominal(dwell).map(|a| a * self.specification.local_gravity_g);
         let scale_v_per_g = self.accelerometer.coefficients.scale_factor_v_per_g;
-        let noise = self.seed.stream("reading", order as u64).normal();
+        let mut stream = self.seed.stream("reading", order as u64);
+        let noise = self.devices.deviate(&mut stream);
         let output_g = self
             .chain()
             .summary(&Motion::rest(&self.effects), &constant)
@@ -316,7 +340,7 @@ impl VirtualBench {
             specific_force_g: SpecificForce::new(i, p, o),
             temp_c: self.room.temp_c(time_s),
             output_v: recorded(scale_v_per_g * output_g, VOLTAGE_STEPS),
-            sigma_v: scale_v_per_g * self.specification.noise_g,
+            sigma_v: scale_v_per_g.abs() * self.specification.noise_g,
             session: None,
             exclude: false,
             line: order as u64 + 2,
@@ -334,8 +358,12 @@ impl VirtualBench {
         exposures: &mut Vec<Exposure>,
     ) -> (Run, f64) {
         let a0_g = shake.a0.map(|a| a * self.specification.local_gravity_g);
-        let motion = self.motion(number, shake, shaker);
-        exposures.push(exposure(shake, &motion, time_s + BEFORE_TO_DURING_S));
+        let moved = self.devices.moved(number, shake, self.seed);
+        let mut motion = self.motion(number, &moved, shaker);
+        let reference = self.reference_moments(number, &motion);
+        let session = self.devices.session(number);
+        motion.direction = session.turned(motion.direction);
+        exposures.push(exposure(&moved, &motion, time_s + BEFORE_TO_DURING_S));
         let levels = self.levels(number, a0_g, time_s, &motion, exposures);
         let run = Run {
             run: number as u64,
@@ -348,8 +376,8 @@ impl VirtualBench {
             temp_c: self.room.temp_c(time_s),
             duration_s: DURATION_S,
             measured: Some(self.measured(number, &levels)),
-            reference: Some(self.reference_moments(number, &motion)),
-            session: None,
+            reference: Some(reference),
+            session: session.name.map(str::to_owned),
             exclude: false,
             line: number as u64 + 2,
             unknown: Vec::new(),
@@ -366,6 +394,8 @@ impl VirtualBench {
         motion: &Motion,
         exposures: &[Exposure],
     ) -> Levels {
+        let session = self.devices.session(number);
+        let a0_g = session.turned(a0_g);
         // The room is taken to stand still within a run.
         let at = |moment_s: f64| {
             let mut constant = self.constant(a0_g, time_s, exposures);
@@ -374,11 +404,8 @@ impl VirtualBench {
                 excess_k: constant.excess_k,
                 exposures,
             };
-            constant.shift_g = self
-                .effects
-                .iter()
-                .map(|effect| effect.shift_g(&moment))
-                .sum();
+            let shifts = self.effects.iter().map(|effect| effect.shift_g(&moment));
+            constant.shift_g = session.bias_g + shifts.sum::<f64>();
             constant
         };
         let plateau = |centre_s: f64| {
@@ -415,38 +442,56 @@ impl VirtualBench {
     fn measured(&self, number: usize, levels: &Levels) -> Measured {
         let specification = &self.specification;
         let mut noise = self.seed.stream("run", number as u64);
-        let scale_v_per_g = self.accelerometer.coefficients.scale_factor_v_per_g;
-        let mut noisy =
-            |value_g: f64, sigma_g: f64| scale_v_per_g * (value_g + sigma_g * noise.normal());
-        let mut voltage = |value_g, sigma_g| recorded(noisy(value_g, sigma_g), VOLTAGE_STEPS);
-        let peak_sigma_g =
-            |peak_g: f64| specification.peak_rel_sigma * (peak_g - levels.before_g).abs();
-        let before_v = voltage(levels.before_g, specification.noise_g);
-        let during_v = voltage(levels.during_g, specification.noise_g);
-        let after_v = voltage(levels.after_g, specification.noise_g);
-        let extremes = Extremes {
-            minimum_v: voltage(levels.minimum_g, peak_sigma_g(levels.minimum_g)),
-            maximum_v: voltage(levels.maximum_g, peak_sigma_g(levels.maximum_g)),
+        let detector_v_per_g = self.accelerometer.coefficients.scale_factor_v_per_g;
+        let scale_v_per_g = detector_v_per_g * (1.0 + self.devices.session(number).gain_error);
+        let mut noisy = |scale_v_per_g: f64, value_g: f64, sigma_g: f64| {
+            scale_v_per_g * (value_g + sigma_g * self.devices.deviate(&mut noise))
         };
-        let drift_v_per_s = noisy(levels.drift_g_per_s, specification.drift_noise_g_per_s);
+        let mut plateau_v = |value_g| {
+            recorded(
+                noisy(scale_v_per_g, value_g, specification.noise_g),
+                VOLTAGE_STEPS,
+            )
+        };
+        let before_v = plateau_v(levels.before_g);
+        let during_v = plateau_v(levels.during_g);
+        let after_v = plateau_v(levels.after_g);
+        let mut peak_v = |peak_g: f64| {
+            let sigma_g = specification.peak_rel_sigma * (peak_g - levels.before_g).abs();
+            let peak_v = noisy(detector_v_per_g, peak_g, sigma_g);
+            recorded((1.0 + self.devices.peak_gain_error) * peak_v, VOLTAGE_STEPS)
+        };
+        let peaks_v = [peak_v(levels.minimum_g), peak_v(levels.maximum_g)];
+        // An inverted output has its least voltage at the greatest output in g.
+        let [minimum_v, maximum_v] = match detector_v_per_g < 0.0 {
+            true => [peaks_v[1], peaks_v[0]],
+            false => peaks_v,
+        };
+        let drift_sigma_g_per_s = specification.drift_noise_g_per_s;
+        let drift_v_per_s = noisy(scale_v_per_g, levels.drift_g_per_s, drift_sigma_g_per_s);
         Measured {
             before_v,
             during_v,
             after_v: Some(after_v),
-            sigma_v: scale_v_per_g * specification.noise_g,
+            sigma_v: detector_v_per_g.abs() * specification.noise_g,
             drift: Some(Drift {
                 v_per_s: recorded(drift_v_per_s, DRIFT_STEPS),
-                sigma_v_per_s: scale_v_per_g * specification.drift_noise_g_per_s,
+                sigma_v_per_s: detector_v_per_g.abs() * drift_sigma_g_per_s,
             }),
-            extremes: Some(extremes),
+            extremes: Some(Extremes {
+                minimum_v,
+                maximum_v,
+            }),
         }
     }
 
     /// What the reference reports of run number `number`.
     fn reference_moments(&self, number: usize, motion: &Motion) -> ReferenceMoments {
         let mut stream = self.seed.stream("reference", number as u64);
-        let rel_sigma = self.specification.reference_rms_rel_sigma;
-        let seen = reference::look(motion, rel_sigma, &mut stream);
+        let device = &self.devices.reference;
+        let stated = self.specification.reference_rms_rel_sigma;
+        let rel_sigma = device.rms_rel_sigma.unwrap_or(stated);
+        let seen = reference::look(motion, device, rel_sigma, &mut stream);
         let report = |values: [f64; 3]| values.map(|value| recorded(value, REFERENCE_STEPS));
         ReferenceMoments {
             rms_g: report(seen.rms_g),

@@ -9,16 +9,18 @@ use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
 use super::{Command, Console, RowName, read_campaign, triad};
+use crate::campaign::is_triad;
 use crate::diagnose::answer::{NoiseFactor, SuspectRow};
 use crate::diagnose::{StaticTest, static_test};
-use crate::campaign::is_triad;
 use crate::error::Error;
 use crate::report;
 use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  vre identify campaigns/S01000 --json coefficients.json\n  vre identify campaigns/S01000 --exclude 12")]
+#[command(
+    after_help = "Example:\n  vre identify campaigns/S01000 --json coefficients.json\n  vre identify campaigns/S01000 --exclude 12"
+)]
 pub struct Identify {
     /// Folder of the campaign
     campaign: PathBuf,

@@ -307,8 +307,13 @@ fn write_picture(text: &mut String, picture: &Picture) {
     let loudest = |piece: &[f64]| piece.iter().copied().fold(0.0, f64::max);
     let columns: Vec<f64> = picture.rms_g.chunks(by).map(loudest).collect();
     let alive = || columns.iter().copied().filter(|rms| *rms > 0.0);
-    let (low, high) = (alive().fold(f64::INFINITY, f64::min), alive().fold(0.0, f64::max));
-    let bars: Vec<char> = "\u{2581}\u{2582}\u{2583}\u{2584}\u{2585}\u{2586}\u{2587}\u{2588}".chars().collect();
+    let (low, high) = (
+        alive().fold(f64::INFINITY, f64::min),
+        alive().fold(0.0, f64::max),
+    );
+    let bars: Vec<char> = "\u{2581}\u{2582}\u{2583}\u{2584}\u{2585}\u{2586}\u{2587}\u{2588}"
+        .chars()
+        .collect();
     let bar = |rms: f64| {
         let share = (rms.max(low) / low).ln() / (high / low).ln().max(1e-9);
         bars.get((share * 7.99) as usize).copied().unwrap_or(' ')
@@ -336,7 +341,10 @@ fn write_plateau(text: &mut String, plateau: &Plateau) {
             format!("sine of {:.4} g peak at {frequency:.4} Hz", plateau.level_g)
         }
         (_, _, Some([low, high])) => {
-            format!("random, {:.4} g rms, {low:.4} to {high:.4} Hz", plateau.level_g)
+            format!(
+                "random, {:.4} g rms, {low:.4} to {high:.4} Hz",
+                plateau.level_g
+            )
         }
         _ => format!("{:.4} g", plateau.level_g),
     };

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::{Command, Console};
-use crate::paper::diagnosis::{TableDiagnosis, diagnose_published};
 use crate::error::Error;
+use crate::paper::diagnosis::{TableDiagnosis, diagnose_published};
 use crate::paper::{Comparison, TABLES, Weights, compare, weights};
 
 /// Print the paper's Tables 1 and 2 beside what (9) gives from Table 1, and what Table 2 would imply

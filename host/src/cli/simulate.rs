@@ -7,6 +7,7 @@ use clap::builder::PossibleValuesParser;
 use super::triad::{self, Made};
 use super::{Command, Console, positive, refuse_campaign};
 use crate::bench::effects;
+use crate::bench::imperfections::{self, Imperfection};
 use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
@@ -19,13 +20,22 @@ const TRUTH: &str = "truth.json";
 const NONE: &str = "none";
 const SEALED: &str = "sealed";
 
+const EXAMPLES: &str = "Examples:
+  vre simulate --out campaigns/V00007 --seed 7
+  vre simulate --out campaigns/shaky --effect fixture-resonance --strength 3
+  vre simulate --out campaigns/faint --effect sextic --visibility 30
+  vre simulate --out campaigns/hasty --imperfection session-bias:40 --imperfection gross-run
+  vre simulate --out campaigns/T00007 --triad --seed 7";
+
+/// The examples and every imperfection.
+fn long_help() -> String {
+    let listed = imperfections::listed();
+    format!("{EXAMPLES}\n\nImperfections, with their usual SIZE:\n{listed}")
+}
+
 /// Write a campaign from the virtual bench, with runs to predict and the truth behind it
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  \
-    vre simulate --out campaigns/V00007 --seed 7\n  \
-    vre simulate --out campaigns/shaky --effect fixture-resonance --strength 3\n  \
-    vre simulate --out campaigns/faint --effect sextic --visibility 30\n  \
-    vre simulate --out campaigns/T00007 --triad --seed 7")]
+#[command(after_help = EXAMPLES, after_long_help = long_help())]
 pub struct Simulate {
     /// Folder for campaign.toml, static.csv, vibration.csv, holdout.csv and truth.json
     #[arg(long, value_name = "DIR")]
@@ -56,14 +66,17 @@ pub struct Simulate {
     visibility: Option<f64>,
     #[command(flatten)]
     made: Made,
+    /// Something that persons or devices of a laboratory do and a campaign does not state, repeatable; `--help` lists them
+    #[arg(long, value_name = "ID[:SIZE]")]
+    imperfection: Vec<Imperfection>,
 }
 
 impl Command for Simulate {
     fn run(self, console: &Console) -> Result<(), Error> {
         if self.made.triad {
-            if !self.effect.is_empty() {
+            if !self.effect.is_empty() || !self.imperfection.is_empty() {
                 return Err(Error::Usage(
-                    "a triad is simulated without an --effect".into(),
+                    "a triad is simulated without an --effect or an --imperfection".into(),
                 ));
             }
             if !self.force {
@@ -106,15 +119,20 @@ impl Command for Simulate {
             let mut stream = seed.stream("effect", index as u64);
             effects::find(id).map(|entry| (entry.draw)(strength, &mut stream))
         };
-        let simulate = |drawn| VirtualBench::new(seed, self.plan, specification, drawn).simulate();
+        let bench = |drawn| VirtualBench::new(seed, self.plan, specification, drawn);
         let mut drawn = Vec::new();
         for (index, id) in ids.iter().enumerate() {
             let strength = match self.visibility {
                 None => strength,
                 Some(wanted) => {
-                    let with =
-                        |strength| simulate(Vec::from_iter(draw(index, id, strength))).campaign;
-                    strength_for(wanted, &simulate(Vec::new()).campaign, with).ok_or_else(|| {
+                    let with = |strength| {
+                        bench(Vec::from_iter(draw(index, id, strength)))
+                            .simulate()
+                            .campaign
+                    };
+                    // What can be seen on the bench as stated.
+                    let bare = bench(Vec::new()).simulate().campaign;
+                    strength_for(wanted, &bare, with).ok_or_else(|| {
                         let id = if sealed { "the sealed effect" } else { id };
                         Error::Usage(format!(
                             "no strength of {id} has visibility {wanted} in this campaign"
@@ -124,7 +142,7 @@ impl Command for Simulate {
             };
             drawn.extend(draw(index, id, strength));
         }
-        let simulation = simulate(drawn);
+        let simulation = imperfections::simulate(bench(drawn), &self.imperfection);
         let stale = self.out.join(TRUTH);
         if stale.exists() {
             std::fs::remove_file(&stale).map_err(Error::write(&stale))?;
