@@ -433,6 +433,7 @@ fn windows_farther_apart_than_the_record_shows_noise_cannot_tell() {
 /// A rest, a ramp of 20 s, a plateau, a ramp, a rest.
 fn shaker(rng: &mut StdRng, sine: bool, drift_per_s: f64) -> String {
     let mut table = String::from("t_s,u_g\n");
+    let mut last = 0.0;
     for n in 0..50_000 {
         let t = f64::from(n) / 500.0;
         let level = match t {
@@ -441,11 +442,13 @@ fn shaker(rng: &mut StdRng, sine: bool, drift_per_s: f64) -> String {
             t if t < 60.0 => 3.0,
             t => 3.0 * 10f64.powf((60.0 - t) / 10.0),
         };
-        let motion = if sine {
-            (std::f64::consts::TAU * 61.3 * t).sin()
-        } else {
-            normal(rng)
+        // A table does not move away: its motion has no mean.
+        let now = normal(rng);
+        let motion = match sine {
+            true => (std::f64::consts::TAU * 61.3 * t).sin(),
+            false => (now - last) / 2f64.sqrt(),
         };
+        last = now;
         let x = level * motion;
         let u = 1.0 + x + 5e-4 * x * x + drift_per_s * t + 1e-3 * normal(rng);
         let _ = writeln!(table, "{t},{u}");
@@ -467,7 +470,7 @@ fn without_windows_the_plateau_is_found_and_the_ramps_are_left_out() {
         assert_eq!(found.plateaus.len(), 1, "{:?}", found.plateaus);
         let plateau = &found.plateaus[0];
         assert!(
-            (39.8..43.0).contains(&plateau.from_s) && (57.0..60.2).contains(&plateau.to_s),
+            (38.5..43.0).contains(&plateau.from_s) && (57.0..61.5).contains(&plateau.to_s),
             "{plateau:?}"
         );
         let expected = 5e-4 * if sine { 4.5 } else { 9.0 };
@@ -850,7 +853,8 @@ fn without_scatter_nothing_is_claimed() {
                 .any(|note| note.contains("noise is unknown"))
         );
     }
-    for (step, verdict) in [(0, Verdict::NoShift), (1, Verdict::NoShift)] {
+    // All samples equal: a coarse converter, or a dead one.
+    for (step, verdict) in [(0, Verdict::CannotTell), (1, Verdict::CannotTell)] {
         let rows = (0..1000).map(|n| format!("{n},{}\n", if n < 500 { 0 } else { step }));
         let table: String = std::iter::once("t,u\n".into()).chain(rows).collect();
         let found = run(table.as_bytes(), &windows("0..500", "500..1000")).unwrap();

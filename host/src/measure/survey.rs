@@ -225,7 +225,8 @@ fn trimmed(logs: &[f64], run: Range<usize>) -> Option<Range<usize>> {
         .last()
         .unwrap_or(run.end - 1);
     let place = from..to;
-    if place.len() < FEWEST {
+    // Of a ramp the most is cut off.
+    if place.len() < FEWEST || 2 * place.len() < run.len() {
         return None;
     }
     // The change along the run, against what is left about the line.
