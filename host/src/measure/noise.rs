@@ -126,8 +126,9 @@ impl Batches {
 }
 
 fn joined(list: &[Batch]) -> Vec<Batch> {
-    let pairs = list.chunks_exact(2);
-    pairs.map(|pair| Batch::join(&pair[0], &pair[1])).collect()
+    let (pairs, _) = list.as_chunks::<2>();
+    let joined = |[one, other]: &[Batch; 2]| Batch::join(one, other);
+    pairs.iter().map(joined).collect()
 }
 
 /// How a mean weighs its samples.
