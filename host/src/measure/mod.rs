@@ -1,7 +1,7 @@
 //! Measured vibration error from a raw record: how far the mean output shifts when the vibration sets in, with
 //! its uncertainty, and what else could have shifted it.
 //!
-//! A record goes one way: [`survey`] finds rests and plateaus, `table.rs` or `frames.rs` make [`segment`]s of them,
+//! A record goes one way: `survey.rs` finds rests and plateaus, `table.rs` or `frames.rs` make segments of them,
 //! `shift.rs` compares their means by what `noise.rs` learns of the noise, and `doubts.rs` looks for everything else that
 //! could have shifted a mean. A shift that something else explains is never called a vibration error.
 

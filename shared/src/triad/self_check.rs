@@ -1,7 +1,7 @@
 //! The triad judges its own calibration, on a cushion: some twenty orientations by hand, held by nothing but |a| = g.
 //!
 //! [`RestSums`] makes one position of the blocks of a rest; [`SelfCheck`] keeps the positions, identifies the triad by
-//! [`identify`](super::identification::identify), and compares with the stored coefficients and with limits. The host runs
+//! [`identify`], and compares with the stored coefficients and with limits. The host runs
 //! this same code on the same frames.
 //!
 //! Twenty orientations do not tell 33 coefficients. What is stored stands beside them as a prior: scale factors and biases are
