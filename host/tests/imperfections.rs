@@ -465,3 +465,116 @@ fn the_help_lists_every_imperfection() -> Outcome {
     }
     Ok(())
 }
+
+#[test]
+fn a_blind_check_of_laboratories_counts_every_campaign_and_gives_intervals() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let file = folder.path().join("board.json");
+    let mut command = Command::cargo_bin("vre")?;
+    command.args([
+        "blind-check",
+        "--imperfect",
+        "--count",
+        "2",
+        "--seed",
+        "5",
+        "--json",
+    ]);
+    command.arg(&file).args([
+        "--imperfection",
+        "gross-run:40",
+        "--imperfection",
+        "levels-ms2",
+    ]);
+    let assert = command.assert().success();
+    let text = String::from_utf8(assert.get_output().stdout.clone())?;
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
+    for row in [
+        "gross-run",
+        "levels-ms2",
+        "wrong name at >= .9",
+        "said >= .999: right",
+    ] {
+        assert!(text.contains(row), "{text}");
+    }
+    let board: Value = serde_json::from_slice(&fs::read(&file)?)?;
+    assert_eq!(board["format"], "vre-blind-check-imperfect/1");
+    let outcomes = board["outcomes"].as_array().ok_or("a list")?;
+    // The bench as stated and two imperfections, with no effect and with one of two visibilities, twice.
+    assert_eq!(outcomes.len(), 18);
+    for outcome in outcomes
+        .iter()
+        .filter(|o| o["imperfection"] == "levels-ms2")
+    {
+        assert_eq!(
+            (&outcome["answer"], &outcome["told"]),
+            (&"refused".into(), &true.into())
+        );
+        let refusal = outcome["refusal"].as_str().ok_or("a line")?;
+        assert!(
+            refusal.starts_with("vibration.csv, column level_g"),
+            "{refusal}"
+        );
+    }
+    for outcome in outcomes.iter().filter(|o| o["imperfection"] == "gross-run") {
+        assert_eq!(
+            (&outcome["size"], &outcome["told"]),
+            (&40.0.into(), &true.into()),
+            "{outcome}"
+        );
+        let named = outcome["named_rows"].as_array().ok_or("rows")?;
+        assert!(named.contains(&outcome["rows"][0]), "{outcome}");
+    }
+    for group in board["groups"].as_array().ok_or("groups")? {
+        assert_eq!(group["campaigns"], 4);
+        let shares = group["shares"].as_object().ok_or("shares")?;
+        assert_eq!(shares["refused"]["count"], 2);
+        assert_eq!(shares["refused_in_error"]["count"], 0);
+        for (name, share) in shares {
+            let [low, high] = [0, 1].map(|end| share["interval_95"][end].as_f64());
+            let (low, high) = (low.ok_or("low")?, high.ok_or("high")?);
+            let (count, of) = (share["count"].as_f64(), share["of"].as_f64());
+            let found = count.ok_or("count")? / of.ok_or("of")?.max(1.0);
+            assert!(low <= found && found <= high, "{name} {share}");
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn a_blind_check_gives_the_same_answers_on_one_thread_and_options_that_it_lacks_are_told() -> Outcome
+{
+    let board = |threads: &str| -> Outcome<Value> {
+        let mut command = Command::cargo_bin("vre")?;
+        command.env("RAYON_NUM_THREADS", threads);
+        command.args([
+            "blind-check",
+            "--imperfect",
+            "--imperfection",
+            "table-scatter",
+            "--json",
+            "-",
+        ]);
+        Ok(serde_json::from_slice(
+            &command.assert().success().get_output().stdout,
+        )?)
+    };
+    assert_eq!(board("1")?, board("2")?);
+    for wrong in [
+        &["--count", "3"][..],
+        &["--imperfect", "--campaigns", "3"],
+        &["--imperfect", "--without", "nothing-known"],
+        &["--imperfect", "--count", "0"],
+    ] {
+        let assert = Command::cargo_bin("vre")?
+            .arg("blind-check")
+            .args(wrong)
+            .assert();
+        let told = String::from_utf8(assert.code(2).get_output().stderr.clone())?;
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+    Ok(())
+}

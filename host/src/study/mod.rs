@@ -1,6 +1,8 @@
 //! The study: campaigns whose effect the diagnosis does not know, and how often it finds it.
 
 mod cases;
+mod imperfect;
+mod interval;
 mod scoreboard;
 mod trial;
 pub mod visibility;
@@ -10,6 +12,10 @@ use rayon::prelude::*;
 use crate::error::Error;
 
 pub use cases::Kind;
+pub use imperfect::{
+    Answer, EFFECTS, Group, ImperfectOutcome, ImperfectScoreboard, ImperfectStudy,
+};
+pub use interval::Share;
 pub use scoreboard::Scoreboard;
 pub use trial::{Outcome, Score};
 
