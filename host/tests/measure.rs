@@ -1010,3 +1010,64 @@ fn intervals_hold_for_every_kind_of_slow_noise_or_nothing_is_told() {
     }
     assert!(told > 300, "{told} of 400 records are told");
 }
+
+#[test]
+fn a_record_in_the_dialect_of_another_maker_gives_the_same_answer() {
+    let sound = shaker(&mut StdRng::seed_from_u64(18), true, 0.0);
+    let rows: Vec<(f64, f64)> = sound
+        .lines()
+        .skip(1)
+        .map(|line| line.split_once(',').unwrap())
+        .map(|(t, u)| (t.parse().unwrap(), u.parse().unwrap()))
+        .collect();
+    let german: String = rows
+        .iter()
+        .map(|(t, u)| format!("{t:.4};{:.9}\r\n", u * 9.80665).replace('.', ","))
+        .collect();
+    let tabs: String = rows
+        .iter()
+        .map(|(t, u)| format!("{:.1}\t{u:.9}\n", 1e3 * t))
+        .collect();
+    let dated: String = rows
+        .iter()
+        .map(|(t, u)| {
+            let (minute, second) = ((t / 60.0).floor(), t % 60.0);
+            format!(
+                "\"2024-02-29 23:{:02.0}:{second:07.4}\",{:.9}\n",
+                58.0 + minute,
+                1e3 * u
+            )
+        })
+        .collect();
+    let folder = tempfile::tempdir().unwrap();
+    let answer = |content: &str| {
+        let file = folder.path().join("record.txt");
+        fs::write(&file, content).unwrap();
+        let mut command = assert_cmd::Command::cargo_bin("vre").unwrap();
+        let done = command
+            .arg("measure")
+            .arg(&file)
+            .args(["--json", "-"])
+            .output()
+            .unwrap();
+        let line = String::from_utf8_lossy(&done.stderr).into_owned();
+        serde_json::from_slice::<serde_json::Value>(&done.stdout).expect(&line)
+    };
+    let plain = answer(&sound);
+    let expected = plain["plateaus"][0]["shift_g"]["value"].as_f64().unwrap();
+    assert!((expected - 2.25e-3).abs() < 1e-4, "{expected}");
+    for content in [
+        format!("Logger;SN 7\r\n\r\nZeit;Ausgang\r\ns;m/s\u{b2}\r\n{german}"),
+        format!("time (ms)\tu [g]\n{tabs}"),
+        format!("# made by a logger\ntime,u_mg\n{dated}"),
+    ] {
+        let found = answer(&content);
+        let shift = found["plateaus"][0]["shift_g"]["value"].as_f64().unwrap();
+        assert!(
+            (shift - expected).abs() < 1e-6,
+            "{shift} {expected}: {}",
+            &content[..40]
+        );
+        assert!((found["plateaus"][0]["frequency_hz"].as_f64().unwrap() - 61.3).abs() < 1e-2);
+    }
+}

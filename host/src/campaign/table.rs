@@ -303,12 +303,17 @@ pub(crate) struct RowSource<R> {
 
 impl<R> RowSource<R> {
     pub(crate) fn new(source: R) -> Self {
+        Self::from_line(source, 1)
+    }
+
+    /// Of a source that begins with a later line of its file.
+    pub(crate) fn from_line(source: R, line: u64) -> Self {
         Self {
             source,
             since_row: 0,
             chunks: VecDeque::new(),
             start: 0,
-            line: 1,
+            line,
             before: 0,
         }
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::{Command, Console};
 use crate::error::{Error, clip};
+use crate::import::{Dialect, Layout};
 use crate::measure::{
     self, Axis, Calibration, Columns, Measurement, MotionKind, Outcome, Picture, Plateau, Request,
     Selection, Unit, Verdict,
@@ -16,6 +17,8 @@ use crate::quantity::Quantity;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
+  A record of whatever maker; rests and plateaus are found:
+    vre measure shaker.csv --column x_g --time t_s
   One record of an instrument of 1.2 V/g, at rest for 10 s, shaken from the 12th second on:
     vre measure run.csv --column u_v --time time_s --scale 1.2 --before 0..10 --during 12..60
   Many files in one table, three axes in counts:
@@ -44,9 +47,9 @@ pub struct Measure {
     /// Column of the time; without it, windows count rows
     #[arg(long, value_name = "NAME")]
     time: Option<String>,
-    /// Unit of the time
-    #[arg(long, value_enum, default_value = "s")]
-    time_unit: TimeUnit,
+    /// Unit of the time; without it, what the name of the column or a row of units says, or s
+    #[arg(long, value_enum)]
+    time_unit: Option<TimeUnit>,
     /// Unit of the output: g, mg, m/s2, V or counts; it is read from the name of the column where that ends with it, as x_g,
     /// "x (m/s^2)"
     #[arg(long, value_name = "UNIT", value_parser = unit)]
@@ -101,20 +104,46 @@ impl TimeUnit {
 }
 
 impl Measure {
-    /// Units a g: as told, or by the unit that is told or stands in the names of the columns.
-    fn units_per_g(&self) -> Result<f64, Error> {
+    /// Fills in what a table says of itself: time and outputs by names and units.
+    fn complete(&mut self) -> Result<Vec<Option<Unit>>, Error> {
+        let names: Vec<&str> = self.column.iter().map(String::as_str).collect();
+        let layout = Layout::of(&Dialect::of(&self.file, &names)?);
+        if self.column.is_empty() {
+            self.column = layout.outputs.clone();
+            if self.column.is_empty() {
+                let names: Vec<String> = layout.names.iter().map(|name| clip(name)).collect();
+                return Err(Error::Usage(format!(
+                    "no column's name or unit tells an acceleration; --column is one of {}",
+                    names.join(", ")
+                )));
+            }
+            self.time = self.time.take().or(layout.time.clone());
+        }
+        Ok(self.column.iter().map(|name| layout.unit(name)).collect())
+    }
+
+    /// Units of the time that make a second.
+    fn per_second(&self, name: &str) -> Result<f64, Error> {
+        if let Some(unit) = self.time_unit {
+            return Ok(unit.per_second());
+        }
+        let layout = Layout::of(&Dialect::of(&self.file, &[name])?);
+        Ok(layout.seconds(name).unwrap_or(1.0))
+    }
+
+    /// Units a g: as told, or by the unit that is told or that the columns have.
+    fn units_per_g(&self, units: &[Option<Unit>]) -> Result<f64, Error> {
         if let Some(scale) = self.scale {
             return Ok(scale);
         }
         if self.column.is_empty() {
-            let line = "--scale is needed: V/g at the converter's input, or --column of a table";
+            let line = "--scale is needed: V/g at the converter's input";
             return Err(Error::Usage(line.into()));
         }
         let mut known: Option<f64> = None;
-        for column in &self.column {
-            let unit = self.unit.or_else(|| Unit::of_name(column));
+        for (column, unit) in self.column.iter().zip(units) {
             let column = clip(column);
-            let Some(units) = unit.and_then(Unit::units_per_g) else {
+            let Some(units) = self.unit.or(*unit).and_then(Unit::units_per_g) else {
                 return Err(Error::Usage(format!(
                     "--scale is needed, units a g of {column}: neither its name nor --unit tells a unit of acceleration"
                 )));
@@ -130,7 +159,9 @@ impl Measure {
 }
 
 impl Command for Measure {
-    fn run(self, console: &Console) -> Result<(), Error> {
+    fn run(mut self, console: &Console) -> Result<(), Error> {
+        let table = !measure::is_record(&self.file, &self.column)?;
+        let units = if table { self.complete()? } else { Vec::new() };
         let selection = match (&self.before, &self.during) {
             (Some(before), Some(during)) => Some(Selection::parse(
                 self.group.as_deref(),
@@ -148,11 +179,14 @@ impl Command for Measure {
                 "--temperature-sensitivity is not finite".into(),
             ));
         }
-        let units_per_g = self.units_per_g()?;
+        let units_per_g = self.units_per_g(&units)?;
+        let time = self.time.clone();
+        let time = time.map(|name| Ok((name.clone(), self.per_second(&name)?)));
+        let time = time.transpose()?;
         let request = Request {
             columns: Columns {
                 outputs: self.column,
-                time: self.time.map(|name| (name, self.time_unit.per_second())),
+                time,
                 temperature: self.temperature,
             },
             selection,

@@ -1,11 +1,13 @@
-//! A comma-separated table of any maker: columns are found by name, rows are streamed.
+//! A delimited table of any maker and dialect: columns are found by name, rows are streamed.
 
+use std::cell::Cell;
 use std::collections::HashSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use csv::ByteRecord;
 
+use super::dialect::{self, Dialect};
 use super::{Columns, Rows};
 use crate::campaign::{RowSource, read_error};
 use crate::error::{Error, Place, Problem};
@@ -23,27 +25,32 @@ pub struct Table<R> {
     time: Option<(usize, f64)>,
     temperature: Option<usize>,
     group: Option<usize>,
+    dialect: Dialect,
+    /// Day of the first ISO time: times count from its midnight.
+    first_day: Cell<Option<i64>>,
 }
 
 impl<R: Read> Table<R> {
-    /// Reads the header; `group` names the column that tells to which group a row belongs, `file` is for errors only.
+    /// Reads the header of a `source` that begins there; `group` names the column that tells to which group a row belongs, `file` is for errors only.
     ///
     /// # Errors
     /// A header that cannot be read or is empty; a column that is missing.
     pub fn open(
         file: &Path,
         source: R,
+        dialect: Dialect,
         columns: &Columns,
         group: Option<&str>,
     ) -> Result<Self, Error> {
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
-            .from_reader(RowSource::new(source));
+            .delimiter(dialect.delimiter)
+            .from_reader(RowSource::from_line(source, dialect.header_line));
         let header: Vec<String> = reader
-            .headers()
-            .map_err(|error| read_error(file, &[], error, Some(1)))?
+            .byte_headers()
+            .map_err(|error| read_error(file, &[], error, Some(dialect.header_line)))?
             .iter()
-            .map(str::to_owned)
+            .map(dialect::text)
             .collect();
         if header.iter().all(String::is_empty) {
             return Err(Error::input(file, Problem::EmptyFile));
@@ -78,10 +85,17 @@ impl<R: Read> Table<R> {
         };
         let temperature = columns.temperature.as_deref().map(find).transpose()?;
         let group = group.map(find).transpose()?;
+        let mut record = ByteRecord::new();
+        if dialect.units_row {
+            let read = reader.read_byte_record(&mut record);
+            read.map_err(|error| read_error(file, &header, error, None))?;
+        }
         Ok(Self {
             file: file.into(),
             reader,
-            record: ByteRecord::new(),
+            record,
+            dialect,
+            first_day: Cell::new(None),
             outputs,
             time,
             temperature,
@@ -101,10 +115,10 @@ impl<R: Read> Table<R> {
 
     fn number(&self, index: usize) -> Result<f64, Error> {
         let text = self.text(index)?;
-        match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(value),
-            Ok(_) => Err(self.error(index, Problem::NotFinite(text.into()))),
-            Err(_) => Err(self.error(index, Problem::NotANumber(text.into()))),
+        match self.dialect.number(text) {
+            Some(value) if value.is_finite() => Ok(value),
+            Some(_) => Err(self.error(index, Problem::NotFinite(text.into()))),
+            None => Err(self.error(index, Problem::NotANumber(text.into()))),
         }
     }
 
@@ -139,8 +153,20 @@ impl<R: Read> Rows for Table<R> {
     }
 
     fn time_s(&self) -> Result<Option<f64>, Error> {
-        let seconds = |(index, units)| Ok(self.number(index)? / units);
-        self.time.map(seconds).transpose()
+        let Some((index, units)) = self.time else {
+            return Ok(None);
+        };
+        let number = self.number(index);
+        let iso = || dialect::iso_time(self.text(index).ok()?);
+        match number {
+            Ok(number) => Ok(Some(number / units)),
+            Err(error) => {
+                let (day, seconds) = iso().ok_or(error)?;
+                let first = self.first_day.get().unwrap_or(day);
+                self.first_day.set(Some(first));
+                Ok(Some(86_400.0 * (day - first) as f64 + seconds))
+            }
+        }
     }
 
     fn group(&self) -> Result<Option<&str>, Error> {

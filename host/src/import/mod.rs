@@ -2,9 +2,17 @@
 //! [`measure`](crate::measure) makes segments of.
 
 pub mod delimited;
+mod dialect;
+mod layout;
+mod unit;
 
 use std::fs::File;
+use std::io::{Seek, SeekFrom};
 use std::path::Path;
+
+pub use dialect::{Dialect, seconds};
+pub use layout::Layout;
+pub use unit::Unit;
 
 use crate::error::{Error, Problem};
 
@@ -63,8 +71,14 @@ pub trait Rows {
 /// # Errors
 /// The file cannot be read, or has no such columns.
 pub fn open(file: &Path, columns: &Columns, group: Option<&str>) -> Result<Box<dyn Rows>, Error> {
-    let source = File::open(file).map_err(Error::read(file))?;
-    Ok(Box::new(delimited::Table::open(
-        file, source, columns, group,
-    )?))
+    let mut wanted: Vec<&str> = columns.outputs.iter().map(String::as_str).collect();
+    wanted.extend(columns.time.as_ref().map(|time| time.0.as_str()));
+    wanted.extend(columns.temperature.as_deref());
+    wanted.extend(group);
+    let dialect = Dialect::of(file, &wanted)?;
+    let mut source = File::open(file).map_err(Error::read(file))?;
+    let start = SeekFrom::Start(dialect.skipped);
+    source.seek(start).map_err(Error::read(file))?;
+    let table = delimited::Table::open(file, source, dialect, columns, group)?;
+    Ok(Box::new(table))
 }

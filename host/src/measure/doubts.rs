@@ -175,8 +175,16 @@ impl View<'_> {
             .any(|(segment, _)| segment.samples_in_blocks().is_some())
     }
 
+    /// Of the segment that shakes most.
     fn motion(&self) -> Option<Motion> {
-        let during = self.scene.during.first()?;
+        let shake = |segment: &&&Segment| {
+            segment
+                .channels
+                .get(self.index)
+                .map_or(0.0, |c| c.shake.variance())
+        };
+        let all = self.scene.during.iter();
+        let during = all.max_by(|a, b| shake(a).total_cmp(&shake(b)))?;
         let rate = self.timed.then(|| 1.0 / interval(during));
         Motion::of(&during.channels.get(self.index)?.kept, rate)
     }

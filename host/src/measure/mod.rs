@@ -19,10 +19,9 @@ mod shift;
 mod spread;
 mod survey;
 mod table;
-mod unit;
 
 use std::fs::File;
-use std::io::{Cursor, Read};
+use std::io::Read;
 use std::path::Path;
 
 use shared::slope::{MIN_SAMPLES, SlopeError};
@@ -32,9 +31,8 @@ pub use motion::{Kind as MotionKind, Motion};
 pub use quantisation::Quantisation;
 pub use segment::{Role, Segment, Spread};
 pub use selection::{Names, Selection, Window};
-pub use unit::Unit;
 
-pub use crate::import::Columns;
+pub use crate::import::{Columns, Unit};
 
 use crate::error::{Error, Problem, clip};
 use crate::quantity::Quantity;
@@ -84,20 +82,11 @@ pub struct Request {
 /// # Errors
 /// Bad input, with file, row and column; nothing selected; too few samples.
 pub fn measure(file: &Path, request: &Request) -> Result<Measurement, Error> {
-    let mut source = File::open(file).map_err(Error::read(file))?;
-    let mut head = Vec::new();
-    source
-        .by_ref()
-        .take(SNIFF as u64)
-        .read_to_end(&mut head)
-        .map_err(Error::read(file))?;
-    if head.is_empty() {
-        return Err(Error::input(file, Problem::EmptyFile));
-    }
-    if request.columns.outputs.is_empty() || head.contains(&0) {
-        return of_frames(file, Cursor::new(head).chain(source), request);
-    }
     let columns = &request.columns;
+    if columns.outputs.is_empty() || is_record(file, &columns.outputs)? {
+        let source = File::open(file).map_err(Error::read(file))?;
+        return of_frames(file, source, request);
+    }
     let mut found = match &request.selection {
         Some(selection @ Selection::Groups { .. }) => {
             let segments = table::read_groups(file, columns, selection, &request.calibration)?;
@@ -117,6 +106,22 @@ pub fn measure(file: &Path, request: &Request) -> Result<Measurement, Error> {
     };
     name_rows(file, columns, &mut found)?;
     Ok(found)
+}
+
+/// Whether `file` is a record of frames and no table: a table has no zero byte at its beginning, and its columns are named.
+///
+/// # Errors
+/// The file cannot be read, or is empty.
+pub fn is_record(file: &Path, columns: &[String]) -> Result<bool, Error> {
+    let mut head = Vec::new();
+    let source = File::open(file).map_err(Error::read(file))?;
+    let mut source = source.take(SNIFF as u64);
+    source.read_to_end(&mut head).map_err(Error::read(file))?;
+    match head.as_slice() {
+        [] => Err(Error::input(file, Problem::EmptyFile)),
+        // Rubbish before the first frame may be long; a table has lines.
+        head => Ok(head.contains(&0) || (columns.is_empty() && !head.contains(&b'\n'))),
+    }
 }
 
 fn of_frames(file: &Path, source: impl Read, request: &Request) -> Result<Measurement, Error> {
