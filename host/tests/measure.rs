@@ -1012,6 +1012,43 @@ fn intervals_hold_for_every_kind_of_slow_noise_or_nothing_is_told() {
 }
 
 #[test]
+fn the_scale_is_asked_for_where_no_unit_is_told_and_may_be_negative() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("raw.csv");
+    let table = one_record(&mut StdRng::seed_from_u64(19), 5e-3);
+    fs::write(&file, &table).unwrap();
+    let vre = |options: &[&str]| {
+        let mut command = assert_cmd::Command::cargo_bin("vre").unwrap();
+        command
+            .arg("measure")
+            .arg(&file)
+            .args(["--column", "u", "--time", "t"]);
+        command.args(["--before", "0..10", "--during", "10..30", "--json", "-"]);
+        command.args(options).output().unwrap()
+    };
+    let line = String::from_utf8(vre(&[]).stderr).unwrap();
+    assert!(
+        line.starts_with("error: --scale is needed, units a g of u"),
+        "{line}"
+    );
+    assert_eq!(vre(&["--unit", "V"]).status.code(), Some(2));
+    let shift = |options: &[&str]| {
+        let found: serde_json::Value = serde_json::from_slice(&vre(options).stdout).unwrap();
+        found["axes"][0]["shift_g"]["value"].as_f64().unwrap()
+    };
+    let plain = shift(&["--unit", "g"]);
+    assert!((plain - 5e-3).abs() < 1e-3);
+    assert!((shift(&["--scale", "-2"]) / plain + 0.5).abs() < 1e-9);
+    assert!((shift(&["--unit", "mg"]) / plain - 1e-3).abs() < 1e-9);
+    fs::write(&file, table.replacen("t,u", "t,u,u", 1)).unwrap();
+    let line = String::from_utf8(vre(&[]).stderr).unwrap();
+    assert!(
+        line.ends_with("column u: stands in the header twice\n"),
+        "{line}"
+    );
+}
+
+#[test]
 fn a_record_in_the_dialect_of_another_maker_gives_the_same_answer() {
     let sound = shaker(&mut StdRng::seed_from_u64(18), true, 0.0);
     let rows: Vec<(f64, f64)> = sound

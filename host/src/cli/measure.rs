@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::{Command, Console};
-use crate::error::{Error, clip};
+use crate::error::{Error, Place, Problem, clip};
 use crate::import::{Dialect, Layout};
 use crate::measure::{
     self, Axis, Calibration, Columns, Measurement, MotionKind, Outcome, Picture, Plateau, Request,
@@ -108,6 +108,14 @@ impl Measure {
     fn complete(&mut self) -> Result<Vec<Option<Unit>>, Error> {
         let names: Vec<&str> = self.column.iter().map(String::as_str).collect();
         let layout = Layout::of(&Dialect::of(&self.file, &names)?);
+        if let Some(twice) = layout.twice() {
+            let place = Place {
+                column: Some(twice.into()),
+                ..Place::file(&self.file)
+            };
+            let problem = Problem::DuplicateColumn;
+            return Err(Error::Input { place, problem });
+        }
         if self.column.is_empty() {
             self.column = layout.outputs.clone();
             if self.column.is_empty() {

@@ -40,6 +40,17 @@ impl Layout {
         Some(self.units.get(index)?.trim_matches(['(', ')', '[', ']']))
     }
 
+    /// A name that stands in the header twice.
+    pub fn twice(&self) -> Option<&str> {
+        let mut named = self
+            .names
+            .iter()
+            .enumerate()
+            .filter(|(_, name)| !name.is_empty());
+        let twice = named.find(|(index, name)| self.names[..*index].contains(name));
+        twice.map(|(_, name)| name.as_str())
+    }
+
     /// Unit of an output.
     pub fn unit(&self, name: &str) -> Option<Unit> {
         let stated = self.stated(name).and_then(Unit::parse);
