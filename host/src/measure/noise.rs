@@ -401,7 +401,7 @@ const NEGLIGIBLE: f64 = 20.0;
 
 /// Prior probability that a slow noise is negligible. Chosen: with one half the intervals of white noise are wider, with nine
 /// tenths those of a walk that the record barely shows are short.
-const NONE: f64 = 0.6;
+const NONE: f64 = 0.7;
 
 /// Densities on a grid, two octaves apart, with the logarithm of their prior probability: from a quarter of what equals white
 /// noise over the span, to `most` octaves above.
