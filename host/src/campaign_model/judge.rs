@@ -31,6 +31,9 @@ const COMPUTED: f64 = 0.05;
 /// Fewest rows that tell a factor.
 const FEWEST: usize = 8;
 
+/// Standard deviations of its logarithm from which on a factor on the noise is told: by chance one in 1e4. A static test by
+/// itself takes up no other one.
+pub const TOLD: f64 = 4.0;
 /// Most rounds of fit and judgement of a static test.
 const ROUNDS: usize = 4;
 
@@ -93,7 +96,12 @@ pub fn static_test(campaign: &Campaign) -> Option<StaticTest> {
         let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
         let fit = fit_base(&model)?;
         // Smooth functions of the angle take what an effect leaves: it must not pass for rows or noise.
-        let judged = judge(&alone, &model, &fit, true, &assumed);
+        let mut judged = judge(&alone, &model, &fit, true, &assumed);
+        let factor = judged.factor(Noise::Readings);
+        let relative = SPREAD_OF_SCALE / (alone.readings.len() as f64).sqrt();
+        if factor.ln().abs() < TOLD * relative {
+            judged.noise_factor[Noise::Readings as usize] = 1.0;
+        }
         if judged.agree(&assumed) {
             break;
         }

@@ -9,15 +9,12 @@ use super::answer::{
 use crate::campaign::{Campaign, Run};
 use crate::campaign_model::CampaignModel;
 use crate::campaign_model::assumptions::Noise;
-use crate::campaign_model::judge::Suspect;
+use crate::campaign_model::judge::{Suspect, TOLD};
 use crate::campaign_model::nuisances::Kind;
 use crate::contradictions::{Contradiction, slip, slip_of_run};
 use crate::forward::motion::Motion;
 use crate::forward::nominal::{self, coefficients};
 use crate::forward::rows::RunConditions;
-
-/// Standard deviations of a factor's logarithm from which on the stated noise does not hold: by chance one in 1e4.
-const CLEAR: f64 = 4.0;
 
 /// Standard uncertainty of an output that a slip of the hand is judged by, g: what mounts and effects leave of it.
 const SLIP_SIGMA_G: f64 = 3e-4;
@@ -83,7 +80,7 @@ pub(super) fn noise(&(noise, factor, relative): &(Noise, f64, f64)) -> NoiseFact
             value: factor,
             sigma: factor * relative,
         },
-        stated_holds: factor.ln().abs() < CLEAR * relative,
+        stated_holds: factor.ln().abs() < TOLD * relative,
     }
 }
 
