@@ -1,4 +1,4 @@
-//! The middle of a few numbers.
+//! The middle of a few numbers, and how far they scatter.
 
 /// 1 / 0.6745: a normal standard deviation over the median of moduli.
 pub(crate) const MEDIAN_TO_SIGMA: f64 = 1.482_6;

@@ -59,14 +59,14 @@ pub fn adequacy(model: &dyn SeparableModel, fit: &Fit, families: &[Vec<Column>])
     let remainder = Remainder::new(model, fit);
     let mut something_else = Vec::new();
     for family in families {
-        let columns: Vec<&Column> = family.iter().collect();
-        let (gain, count) = remainder.gain(&columns, 1e6);
+        let family = remainder.family(&family.iter().collect::<Vec<_>>());
+        let (gain, count) = family.gain(1e6);
         if count > 0.0 {
             least = least.min(chi2_tail(gain, count));
             excess = excess.max(gain - count);
             tests += 1.0;
         }
-        something_else.push(remainder.something_else(&columns));
+        something_else.push(family.something_else());
     }
     Adequacy {
         observables,
@@ -91,7 +91,7 @@ pub fn log_something_else(model: &dyn SeparableModel, fit: &Fit, families: &[Vec
     let remainder = Remainder::new(model, fit);
     let of_family = |family: &Vec<Column>| {
         let columns: Vec<&Column> = family.iter().collect();
-        remainder.something_else(&columns)
+        remainder.family(&columns).something_else()
     };
     log_mean(&families.iter().map(of_family).collect::<Vec<_>>())
 }

@@ -100,6 +100,48 @@ impl Prior {
     }
 }
 
+/// A parameter in proportion, a Cauchy distribution of that half width about zero.
+pub const fn linear(name: &'static str, width: f64) -> Parameter {
+    Parameter {
+        name,
+        prior: Prior::Linear { width },
+    }
+}
+
+/// A parameter evenly probable in its logarithm between two values, with so many starts.
+pub const fn logarithmic(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
+    Parameter {
+        name,
+        prior: Prior::Nonlinear {
+            from,
+            to,
+            points,
+            logarithmic: true,
+        },
+    }
+}
+
+/// A parameter evenly probable between two values, with so many starts.
+pub const fn even(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
+    Parameter {
+        name,
+        prior: Prior::Nonlinear {
+            from,
+            to,
+            points,
+            logarithmic: false,
+        },
+    }
+}
+
+/// A threshold evenly probable between two values, with so many starts.
+pub const fn stepped(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
+    Parameter {
+        name,
+        prior: Prior::Threshold { from, to, points },
+    }
+}
+
 /// Every combination of the parameters' starts.
 pub fn grid(parameters: &[Parameter]) -> Vec<Vec<f64>> {
     let mut all = vec![Vec::new()];

@@ -64,53 +64,22 @@ impl<'m> Remainder<'m> {
         (matrix, right)
     }
 
-    /// By how much further columns would lower chi-square, and how many of them count; the prior variance of each
-    /// is `size` in units of its own information.
-    pub(crate) fn gain(&self, columns: &[&Column], size: f64) -> (f64, f64) {
-        let k = columns.len();
+    /// Further columns together, scaled to unit information.
+    pub(crate) fn family(&self, columns: &[&Column]) -> Family {
         let (mut matrix, mut right) = self.normal(columns);
-        scale(&mut matrix, &mut right, k);
-        let before = matrix.clone();
-        for i in 0..k {
-            matrix[i * k + i] += 1.0 / size;
-        }
-        let Some(factor) = Cholesky::new(matrix, k) else {
-            return (0.0, 0.0);
-        };
-        let mut x = right.clone();
-        factor.solve(&mut x);
-        let inverse = factor.inverse();
-        (inner_product(&x, &right), inner_product(&inverse, &before))
+        scale(&mut matrix, &mut right, columns.len());
+        Family { matrix, right }
+    }
+
+    /// [`Family::gain`] of further columns.
+    pub(crate) fn gain(&self, columns: &[&Column], size: f64) -> (f64, f64) {
+        self.family(columns).gain(size)
     }
 
     /// Drop of chi-square by a column that is added as it is.
     pub(crate) fn fixed_gain(&self, column: &Column) -> f64 {
         let (matrix, right) = self.normal(&[column]);
         2.0 * right[0] - matrix[0]
-    }
-
-    /// Log evidence of the columns as random effects of a common, unknown size.
-    pub(crate) fn something_else(&self, columns: &[&Column]) -> f64 {
-        let k = columns.len();
-        if k == 0 {
-            return f64::NEG_INFINITY;
-        }
-        let (mut matrix, mut right) = self.normal(columns);
-        scale(&mut matrix, &mut right, k);
-        let sizes = (0..12).map(|step| 10f64.powf(0.5 * f64::from(step)));
-        let of_size = |size: f64| {
-            // Evidence of x ~ N(0, size): exp(r' (M + 1/size)^-1 r / 2) / sqrt det(1 + size M).
-            let mut inner = matrix.clone();
-            for i in 0..k {
-                inner[i * k + i] += 1.0 / size;
-            }
-            let factor = Cholesky::new(inner, k)?;
-            let mut x = right.clone();
-            factor.forward(&mut x);
-            let gain = inner_product(&x, &x);
-            Some(0.5 * (gain - factor.log_determinant() - k as f64 * size.ln()))
-        };
-        sizes.filter_map(of_size).fold(f64::NEG_INFINITY, f64::max) - 12f64.ln()
     }
 
     /// Correlation of signatures, as far as the fit cannot imitate them.
@@ -127,6 +96,55 @@ impl<'m> Remainder<'m> {
     /// Length of a difference beyond what the fit can imitate.
     pub fn length(&self, difference: &Column) -> f64 {
         self.normal(&[difference]).0[0].max(0.0).sqrt()
+    }
+}
+
+/// What a fit leaves to several columns together: their normal matrix and right-hand side, scaled to unit information.
+pub(crate) struct Family {
+    matrix: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl Family {
+    /// By how much the columns would lower chi-square, and how many of them count; the prior variance of each is `size` in
+    /// units of its own information.
+    pub(crate) fn gain(&self, size: f64) -> (f64, f64) {
+        let Some(factor) = self.with_prior(size) else {
+            return (0.0, 0.0);
+        };
+        let mut x = self.right.clone();
+        factor.solve(&mut x);
+        (
+            inner_product(&x, &self.right),
+            inner_product(&factor.inverse(), &self.matrix),
+        )
+    }
+
+    /// Log evidence of the columns as random effects of a common, unknown size.
+    pub(crate) fn something_else(&self) -> f64 {
+        let k = self.right.len();
+        if k == 0 {
+            return f64::NEG_INFINITY;
+        }
+        let sizes = (0..12).map(|step| 10f64.powf(0.5 * f64::from(step)));
+        let of_size = |size: f64| {
+            // Evidence of x ~ N(0, size): exp(r' (M + 1/size)^-1 r / 2) / sqrt det(1 + size M).
+            let factor = self.with_prior(size)?;
+            let mut x = self.right.clone();
+            factor.forward(&mut x);
+            let gain = inner_product(&x, &x);
+            Some(0.5 * (gain - factor.log_determinant() - k as f64 * size.ln()))
+        };
+        sizes.filter_map(of_size).fold(f64::NEG_INFINITY, f64::max) - 12f64.ln()
+    }
+
+    fn with_prior(&self, size: f64) -> Option<Cholesky> {
+        let k = self.right.len();
+        let mut matrix = self.matrix.clone();
+        for i in 0..k {
+            matrix[i * k + i] += 1.0 / size;
+        }
+        Cholesky::new(matrix, k)
     }
 }
 

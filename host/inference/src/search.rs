@@ -556,7 +556,12 @@ impl Seek<'_> {
 
     /// Logarithm of the odds that something else acts in the place of one component or of all: smooth shapes on top of the best
     /// hypothesis of each lesser number of components, against the best of all.
-    fn something_else_instead(&self, hypotheses: &[Hypothesis], families: &[Vec<Column>]) -> f64 {
+    fn something_else_instead(
+        &self,
+        hypotheses: &[Hypothesis],
+        null_adequacy: &Adequacy,
+        families: &[Vec<Column>],
+    ) -> f64 {
         let best = &hypotheses[0];
         let lesser = (0..best.fit.members.len()).filter_map(|count| {
             hypotheses
@@ -564,9 +569,13 @@ impl Seek<'_> {
                 .find(|hypothesis| hypothesis.fit.members.len() == count)
         });
         let odds = lesser.map(|hypothesis| {
+            let something_else = match hypothesis.fit.members.is_empty() {
+                true => null_adequacy.log_something_else,
+                false => log_something_else(self.model, &hypothesis.fit, families),
+            };
             hypothesis.log_posterior_weight - best.log_posterior_weight
                 + self.policy.prior_something_else.ln()
-                + log_something_else(self.model, &hypothesis.fit, families)
+                + something_else
         });
         odds.fold(f64::NEG_INFINITY, f64::max)
     }
@@ -602,7 +611,7 @@ impl Seek<'_> {
         let best = hypotheses[0].log_posterior_weight;
         let prior_something_else = policy.prior_something_else.ln();
         let something_else = prior_something_else + adequacy.log_something_else / temper;
-        let instead = self.something_else_instead(&hypotheses, families) / temper;
+        let instead = self.something_else_instead(&hypotheses, &null_adequacy, families) / temper;
         let unexplained = (large
             && (adequacy.p_value < policy.misfit || something_else > policy.something_else_wins))
             || instead > 0.0;

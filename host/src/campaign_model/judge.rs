@@ -81,8 +81,6 @@ pub struct StaticTest {
     pub fit: Fit,
     /// What belongs, and how large the noise is.
     pub assumptions: Assumptions,
-    /// The factor on the stated noise of readings, and its relative standard uncertainty, where there are enough of them.
-    pub scatter: Option<(f64, f64)>,
 }
 
 /// Judges the static test of a campaign. `None` if it determines nothing.
@@ -92,7 +90,8 @@ pub fn static_test(campaign: &Campaign) -> Option<StaticTest> {
         ..campaign.clone()
     };
     let mut assumed = Assumptions::default();
-    for _ in 0..ROUNDS {
+    let mut rounds = 0;
+    loop {
         let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
         let fit = fit_base(&model)?;
         // Smooth functions of the angle take what an effect leaves: it must not pass for rows or noise.
@@ -102,21 +101,24 @@ pub fn static_test(campaign: &Campaign) -> Option<StaticTest> {
         if factor.ln().abs() < TOLD * relative {
             judged.noise_factor[Noise::Readings as usize] = 1.0;
         }
-        if judged.agree(&assumed) {
-            break;
+        if rounds == ROUNDS || judged.agree(&assumed) {
+            return Some(StaticTest {
+                model,
+                fit,
+                assumptions: assumed,
+            });
         }
+        rounds += 1;
         assumed = judged;
     }
-    let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
-    let fit = fit_base(&model)?;
-    let smooth = model.flexible();
-    let distances = distances(&model, &fit, &smooth);
-    Some(StaticTest {
-        scatter: scatter(&model, &distances, Noise::Readings, &assumed),
-        model,
-        fit,
-        assumptions: assumed,
-    })
+}
+
+impl StaticTest {
+    /// The factor on the stated noise of readings, and its relative standard uncertainty; `None` of too few.
+    pub fn scatter(&self) -> Option<(f64, f64)> {
+        let distances = distances(&self.model, &self.fit, &self.model.flexible());
+        scatter(&self.model, &distances, Noise::Readings, &self.assumptions)
+    }
 }
 
 /// What a fit says of the assumptions that it was made under: noise and rows judged by it. `flexible` lets smooth functions

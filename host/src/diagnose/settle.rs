@@ -52,7 +52,7 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
         let other = !flexible.agree(&stated) && (few || !agreed);
         // One effect that leaves nothing is what it seems, unless nothing but bad rows does as well.
         let simple = agreed && best.fit().members.len() == 1 && !best.search.unexplained;
-        if other && !(simple && nothing_but(campaign, &flexible)? < best.weight()) {
+        if other && !(simple && nothing_but(campaign, &flexible)? < best.weight) {
             best = better(best, attempt(campaign, effects, flexible)?);
         }
     }
@@ -66,7 +66,7 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
         let fewer = next.assumptions.rows() < best.assumptions.rows();
         // What stays unexplained is not explained by other noise.
         let futile = best.search.unexplained && next.search.unexplained;
-        if !fewer && (futile || next.weight() < best.weight()) {
+        if !fewer && (futile || next.weight < best.weight) {
             break;
         }
         best = next;
@@ -94,6 +94,8 @@ struct Attempt {
     model: CampaignModel,
     search: Search,
     assumptions: Assumptions,
+    /// Logarithm of the posterior weight of what it found, rows that do not belong and factors on the noise included, up to
+    /// what all attempts share.
     weight: f64,
 }
 
@@ -160,16 +162,10 @@ impl Attempt {
     fn fit(&self) -> &Fit {
         &self.search.hypotheses[0].fit
     }
-
-    /// Logarithm of the posterior weight of what it found, rows that do not belong and factors on the noise included, up to
-    /// what all attempts share.
-    fn weight(&self) -> f64 {
-        self.weight
-    }
 }
 
 fn better(one: Attempt, other: Attempt) -> Attempt {
-    if other.weight() > one.weight() {
+    if other.weight > one.weight {
         other
     } else {
         one

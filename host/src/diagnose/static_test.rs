@@ -32,7 +32,7 @@ pub fn static_test(campaign: &Campaign) -> StaticTest {
     };
     let (model, fit) = (&judged.model, &judged.fit);
     let far = suspects(&alone, model, fit, &judged.assumptions);
-    let noise = judged.scatter.map(|(factor, relative)| NoiseFactor {
+    let noise = judged.scatter().map(|(factor, relative)| NoiseFactor {
         // As it was judged: what smooth functions of the angle take is no noise.
         stated_holds: judged.assumptions.factor(Noise::Readings) == 1.0,
         ..remarks::noise(&(Noise::Readings, factor, relative))

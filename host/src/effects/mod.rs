@@ -13,7 +13,7 @@ mod shaker;
 mod static_bench;
 
 use inference::model::{Component, Fidelity, Kind};
-use inference::prior::{Parameter, Prior};
+use inference::prior::{Parameter, even, linear, logarithmic, stepped};
 
 use crate::forward::conditions::{Conditions, Witnesses};
 use crate::forward::contribution::{Contribution, Observable, add_each};
@@ -120,43 +120,5 @@ fn on_dial<const N: usize>(
     for (row, reading) in s.readings.iter().enumerate() {
         let values = values(reading).map(|value| s.gravity_g * value);
         add_each(changes, Observable::Static, row, values);
-    }
-}
-
-const fn linear(name: &'static str, width: f64) -> Parameter {
-    Parameter {
-        name,
-        prior: Prior::Linear { width },
-    }
-}
-
-const fn logarithmic(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
-    Parameter {
-        name,
-        prior: Prior::Nonlinear {
-            from,
-            to,
-            points,
-            logarithmic: true,
-        },
-    }
-}
-
-const fn even(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
-    Parameter {
-        name,
-        prior: Prior::Nonlinear {
-            from,
-            to,
-            points,
-            logarithmic: false,
-        },
-    }
-}
-
-const fn stepped(name: &'static str, from: f64, to: f64, points: usize) -> Parameter {
-    Parameter {
-        name,
-        prior: Prior::Threshold { from, to, points },
     }
 }

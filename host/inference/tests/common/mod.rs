@@ -10,7 +10,7 @@ use inference::model::{
     Base, Component, Fidelity, Kind, Member, Prediction, SeparableModel, Transformed,
 };
 use inference::observations::{Column, Observable, Observations};
-use inference::prior::{Parameter, Prior};
+use inference::prior::{Parameter, even, linear, logarithmic, stepped};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -40,30 +40,6 @@ pub const THRESHOLD: (f64, f64) = (0.0, 10.0);
 pub const STRETCHED: (f64, f64) = (-0.5, 0.5);
 pub const SIZE: (f64, f64) = (1e-3, 1e1);
 
-const fn linear(name: &'static str) -> Parameter {
-    Parameter {
-        name,
-        prior: Prior::Linear { width: WIDTH },
-    }
-}
-
-const fn nonlinear(
-    name: &'static str,
-    (from, to): (f64, f64),
-    points: usize,
-    logarithmic: bool,
-) -> Parameter {
-    Parameter {
-        name,
-        prior: Prior::Nonlinear {
-            from,
-            to,
-            points,
-            logarithmic,
-        },
-    }
-}
-
 const fn component(parameters: &'static [Parameter], kind: Kind) -> Component {
     Component {
         parameters,
@@ -73,32 +49,31 @@ const fn component(parameters: &'static [Parameter], kind: Kind) -> Component {
 }
 
 static COMPONENTS: [Component; 6] = [
-    component(&[linear("height")], Kind::Adds),
-    component(
-        &[linear("height"), nonlinear("centre", CENTRE, 24, false)],
-        Kind::Adds,
-    ),
+    component(&[linear("height", WIDTH)], Kind::Adds),
     component(
         &[
-            linear("step"),
-            nonlinear("kept", KEPT, 6, false),
-            Parameter {
-                name: "threshold",
-                prior: Prior::Threshold {
-                    from: THRESHOLD.0,
-                    to: THRESHOLD.1,
-                    points: 40,
-                },
-            },
+            linear("height", WIDTH),
+            even("centre", CENTRE.0, CENTRE.1, 24),
         ],
         Kind::Adds,
     ),
     component(
-        &[nonlinear("stretch", STRETCHED, 9, false)],
+        &[
+            linear("step", WIDTH),
+            even("kept", KEPT.0, KEPT.1, 6),
+            stepped("threshold", THRESHOLD.0, THRESHOLD.1, 40),
+        ],
+        Kind::Adds,
+    ),
+    component(
+        &[even("stretch", STRETCHED.0, STRETCHED.1, 9)],
         Kind::TransformsBase,
     ),
-    component(&[nonlinear("size", SIZE, 24, true)], Kind::AddsVariance),
-    component(&[linear("one"), linear("other")], Kind::Adds),
+    component(
+        &[logarithmic("size", SIZE.0, SIZE.1, 24)],
+        Kind::AddsVariance,
+    ),
+    component(&[linear("one", WIDTH), linear("other", WIDTH)], Kind::Adds),
 ];
 
 /// A parabola in `u`, what was observed of it, and what may act beside it.
