@@ -279,31 +279,32 @@ impl<T: Real> Compensator<T> {
         )
     }
 
-    /// The block whose samples went into `moments` and `state`.
-    fn block(&self, moments: &Moments<T>, state: &CompensatorState<T>) -> Compensated<T> {
+    /// How far the temperature is from that of the static test, K, and what surroundings, samples and reference say against the block.
+    fn quality(&self, moments: &Moments<T>, state: &CompensatorState<T>) -> (T, u8) {
         let Surroundings {
             temperature_c,
             time_base_unsure,
         } = state.surroundings;
         let (away_k, outside) = self.away_k(temperature_c);
-        let mut quality = 0;
-        if outside {
-            quality |= Quality::TEMPERATURE;
-        }
-        if time_base_unsure {
-            quality |= Quality::TIME_BASE;
-        }
         let (min, max) = (moments.min(), moments.max());
         let reaches_end = |k: usize| min[k] < -FULL_SCALE || max[k] >= FULL_SCALE;
         let reference_clips = reaches_end(1) || reaches_end(2) || reaches_end(3);
-        if reaches_end(0) || reference_clips {
-            quality |= Quality::SATURATED;
-        }
-        let output_g = moments.sum()[0] as f64 / moments.count() as f64 * self.g_per_code;
         let lost = reference_clips || !self.compare(moments, state, !reaches_end(0)).agree();
-        if lost {
-            quality |= Quality::REFERENCE_LOST;
-        }
+        let said = [
+            (outside, Quality::TEMPERATURE),
+            (time_base_unsure, Quality::TIME_BASE),
+            (reaches_end(0) || reference_clips, Quality::SATURATED),
+            (lost, Quality::REFERENCE_LOST),
+        ];
+        let said = said.into_iter().filter(|(so, _)| *so);
+        (away_k, said.fold(0, |all, (_, bit)| all | bit))
+    }
+
+    /// The block whose samples went into `moments` and `state`.
+    fn block(&self, moments: &Moments<T>, state: &CompensatorState<T>) -> Compensated<T> {
+        let (away_k, mut quality) = self.quality(moments, state);
+        let lost = quality & Quality::REFERENCE_LOST != 0;
+        let output_g = moments.sum()[0] as f64 / moments.count() as f64 * self.g_per_code;
         let mean_g = T::lit(output_g);
         let Some(calibration) = &self.calibration else {
             return Compensated {

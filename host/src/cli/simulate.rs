@@ -73,76 +73,26 @@ pub struct Simulate {
 
 impl Command for Simulate {
     fn run(self, console: &Console) -> Result<(), Error> {
-        if self.made.triad {
-            if !self.effect.is_empty() || !self.imperfection.is_empty() {
-                return Err(Error::Usage(
-                    "a triad is simulated without an --effect or an --imperfection".into(),
-                ));
-            }
-            if !self.force {
-                refuse_campaign(&self.out, ", or say --force")?;
-            }
-            let session = self.made.session(self.seed.unwrap_or(1));
-            return triad::simulate(&self.out, &session, console);
-        }
-        let sealed = self.effect.iter().any(|id| id == SEALED);
-        let alone = self.effect.len() == 1 && self.seed.is_none() && self.strength.is_none();
-        if sealed && !alone {
-            return Err(Error::Usage(
-                "--effect sealed goes without another effect, --seed and --strength".into(),
-            ));
-        }
-        let (seed, ids, strength) = if sealed {
-            sealed_draw()?
-        } else {
-            let ids = self
-                .effect
-                .iter()
-                .map(String::as_str)
-                .filter(|id| *id != NONE);
-            (
-                Seed(self.seed.unwrap_or(1)),
-                ids.collect::<Vec<_>>(),
-                self.strength.unwrap_or(1.0),
-            )
-        };
-        if self.visibility.is_some() && ids.is_empty() && !sealed {
-            return Err(Error::Usage(
-                "--visibility needs an --effect other than none".into(),
-            ));
-        }
+        self.refuse_contrary()?;
         if !self.force {
             refuse_campaign(&self.out, ", or say --force")?;
         }
-        let specification = Specification::with_dial_sigma(self.dial_sigma);
-        let draw = |index: usize, id: &str, strength: f64| {
-            let mut stream = seed.stream("effect", index as u64);
-            effects::find(id).map(|entry| (entry.draw)(strength, &mut stream))
-        };
-        let bench = |drawn| VirtualBench::new(seed, self.plan, specification, drawn);
-        let mut drawn = Vec::new();
-        for (index, id) in ids.iter().enumerate() {
-            let strength = match self.visibility {
-                None => strength,
-                Some(wanted) => {
-                    let with = |strength| {
-                        bench(Vec::from_iter(draw(index, id, strength)))
-                            .simulate()
-                            .campaign
-                    };
-                    // What can be seen on the bench as stated.
-                    let bare = bench(Vec::new()).simulate().campaign;
-                    strength_for(wanted, &bare, with).ok_or_else(|| {
-                        let id = if sealed { "the sealed effect" } else { id };
-                        Error::Usage(format!(
-                            "no strength of {id} has visibility {wanted} in this campaign"
-                        ))
-                    })?
-                }
-            };
-            drawn.extend(draw(index, id, strength));
+        if self.made.triad {
+            let session = self.made.session(self.seed.unwrap_or(1));
+            return triad::simulate(&self.out, &session, console);
         }
-        let simulation = imperfections::simulate(bench(drawn), &self.imperfection);
+        let sealed = self.sealed();
+        let (seed, ids, strength) = if sealed {
+            sealed_draw()?
+        } else {
+            (
+                Seed(self.seed.unwrap_or(1)),
+                self.acting(),
+                self.strength.unwrap_or(1.0),
+            )
+        };
+        let bench = self.bench(seed, &ids, strength)?;
+        let simulation = imperfections::simulate(bench, &self.imperfection);
         let stale = self.out.join(TRUTH);
         if stale.exists() {
             std::fs::remove_file(&stale).map_err(Error::write(&stale))?;
@@ -168,6 +118,74 @@ impl Command for Simulate {
         } else {
             console.json(&simulation.truth)
         }
+    }
+
+}
+
+impl Simulate {
+    fn sealed(&self) -> bool {
+        self.effect.iter().any(|id| id == SEALED)
+    }
+
+    /// Effects that act, `none` left out.
+    fn acting(&self) -> Vec<&str> {
+        let ids = self.effect.iter().map(String::as_str);
+        ids.filter(|id| *id != NONE).collect()
+    }
+
+    fn refuse_contrary(&self) -> Result<(), Error> {
+        let refuse = |words: &str| Err(Error::Usage(words.into()));
+        if self.made.triad && !(self.effect.is_empty() && self.imperfection.is_empty()) {
+            return refuse("a triad is simulated without an --effect or an --imperfection");
+        }
+        let alone = self.effect.len() == 1 && self.seed.is_none() && self.strength.is_none();
+        if self.sealed() && !alone {
+            return refuse("--effect sealed goes without another effect, --seed and --strength");
+        }
+        let nothing_acts = !self.sealed() && self.acting().is_empty();
+        if self.visibility.is_some() && nothing_acts {
+            return refuse("--visibility needs an --effect other than none");
+        }
+        if self.strength.is_some() && nothing_acts {
+            return refuse("--strength needs an --effect other than none");
+        }
+        Ok(())
+    }
+
+    /// The bench with its effects as strong as they are to be.
+    fn bench(&self, seed: Seed, ids: &[&str], strength: f64) -> Result<VirtualBench, Error> {
+        let specification = Specification::with_dial_sigma(self.dial_sigma);
+        let draw = |index: usize, id: &str, strength: f64| {
+            let mut stream = seed.stream("effect", index as u64);
+            effects::find(id).map(|entry| (entry.draw)(strength, &mut stream))
+        };
+        let bench = |drawn| VirtualBench::new(seed, self.plan, specification, drawn);
+        let mut drawn = Vec::new();
+        for (index, id) in ids.iter().enumerate() {
+            let strength = match self.visibility {
+                None => strength,
+                Some(wanted) => {
+                    let with = |strength| {
+                        bench(Vec::from_iter(draw(index, id, strength)))
+                            .simulate()
+                            .campaign
+                    };
+                    // What can be seen on the bench as stated.
+                    let bare = bench(Vec::new()).simulate().campaign;
+                    strength_for(wanted, &bare, with).ok_or_else(|| {
+                        let id = match self.sealed() {
+                            true => "the sealed effect",
+                            false => id,
+                        };
+                        Error::Usage(format!(
+                            "no strength of {id} has visibility {wanted} in this campaign"
+                        ))
+                    })?
+                }
+            };
+            drawn.extend(draw(index, id, strength));
+        }
+        Ok(bench(drawn))
     }
 }
 

@@ -17,6 +17,7 @@ mod location;
 mod next_tests;
 mod onboard;
 mod proposals;
+mod reach;
 mod remarks;
 mod rows;
 mod settle;

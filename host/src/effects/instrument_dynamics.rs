@@ -107,6 +107,45 @@ fn common_ends(s: &Conditions, seen: &Witnesses) -> [Option<f64>; 2] {
     [end(1.0), end(-1.0)]
 }
 
+/// By how much the least and the greatest output of a random record must change to be at the limits, g. A limit inside them is
+/// none; where several records end alike, it is not outside either.
+fn beyond(
+    [least, most]: [f64; 2],
+    [low, high]: [f64; 2],
+    [common_most, common_least]: [Option<f64>; 2],
+    alike: f64,
+) -> [f64; 2] {
+    let there = |end: Option<f64>, extreme: f64| {
+        end.is_some_and(|end| (extreme - end).abs() < alike * end.abs())
+    };
+    let (below, above) = (low - least, high - most);
+    [
+        match there(common_least, least) {
+            true => below,
+            false => below.max(0.0),
+        },
+        match there(common_most, most) {
+            true => above,
+            false => above.min(0.0),
+        },
+    ]
+}
+
+/// In units of the amplitude, where the output reaches an end: by steps from where the force does, since the model's error is small.
+fn reached(
+    end_g: f64,
+    a0: [f64; 3],
+    amplitude_g: [f64; 3],
+    output: impl Fn([f64; 3]) -> f64,
+) -> f64 {
+    let at = |w: f64| std::array::from_fn(|axis| a0[axis] + w * amplitude_g[axis]);
+    let linear = (end_g - a0[0]) / amplitude_g[0];
+    if !linear.is_finite() || linear.abs() > 8.0 {
+        return linear;
+    }
+    (0..3).fold(linear, |w, _| w + (end_g - output(at(w))) / amplitude_g[0])
+}
+
 fn saturate(
     p: &[f64],
     s: &Conditions,
@@ -125,9 +164,10 @@ fn saturate(
         let force = shared::model::SpecificForce::new(a[0], a[1], a[2]);
         s.coefficients.output_g(force)
     };
+    // The model's own error moves the edge of clipping; far from the edges it need not be known.
+    let far = |least: f64, most: f64| least > low + 0.2 && most < high - 0.2;
     let lost = |a: [f64; 3]| {
-        // The model's own error moves the edge of clipping; far from the edges it need not be known.
-        if a[0] > low + 0.2 && a[0] < high - 0.2 {
+        if far(a[0], a[0]) {
             return 0.0;
         }
         let u = output(a);
@@ -152,37 +192,15 @@ fn saturate(
         } else {
             7.0 * swing
         };
-        if let (VibrationKind::Random, Some([minimum, maximum])) = (run.kind, seen.extremes_g[row])
-        {
-            // A limit below the extreme is none. Where several records end alike, it is not above either.
-            let [most, least] = ends;
-            let there = |end: Option<f64>, extreme: f64| {
-                end.is_some_and(|end| (extreme - end).abs() < alike(s) * end.abs())
-            };
-            let (mut above, mut below) = (high - maximum, low - minimum);
-            if !there(most, maximum) {
-                above = above.min(0.0);
-            }
-            if !there(least, minimum) {
-                below = below.max(0.0);
-            }
-            change.add(Observable::Maximum, row, above);
-            change.add(Observable::Minimum, row, below);
+        if let (VibrationKind::Random, Some(extremes_g)) = (run.kind, seen.extremes_g[row]) {
+            let [least, most] = beyond(extremes_g, [low, high], ends, alike(s));
+            change.add(Observable::Maximum, row, most);
+            change.add(Observable::Minimum, row, least);
         }
-        if a0[0] - reach > low + 0.2 && a0[0] + reach < high - 0.2 {
+        if far(a0[0] - reach, a0[0] + reach) {
             continue;
         }
-        // Where the output reaches its ends, by a step from where the force does: the model's error is small.
-        let edge = |end: f64| {
-            let at = |w: f64| std::array::from_fn(|axis| a0[axis] + w * motion.amplitude_g[axis]);
-            let linear = (end - a0[0]) / motion.amplitude_g[0];
-            if !linear.is_finite() || linear.abs() > 8.0 {
-                return linear;
-            }
-            (0..3).fold(linear, |w, _| {
-                w + (end - output(at(w))) / motion.amplitude_g[0]
-            })
-        };
+        let edge = |end: f64| reached(end, a0, motion.amplitude_g, output);
         let edges = [edge(low), edge(high)];
         let mean = s.averages.mean(run, motion, &edges, fidelity, lost);
         change.add(Observable::During, row, mean.value);

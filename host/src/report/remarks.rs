@@ -4,6 +4,7 @@ use shared::model::NOMINAL;
 
 use super::{Report, SYMBOLS, outlook, scientific};
 use crate::forward::finite_record::unseen_variance_g2;
+use crate::statics::SUSPICIOUS;
 
 /// How grave a remark is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -117,12 +118,6 @@ fn blindness(report: &Report) -> Option<Remark> {
     })
 }
 
-/// Standard normal equivalent of a chi-square (Wilson and Hilferty 1931).
-pub(super) fn normal_equivalent(chi2: f64, dof: usize) -> f64 {
-    let variance = 2.0 / (9.0 * dof as f64);
-    ((chi2 / dof as f64).cbrt() - (1.0 - variance)) / variance.sqrt()
-}
-
 fn scatter(report: &Report) -> Option<Remark> {
     let (chi2, dof) = (report.identification.chi2?, report.identification.dof);
     if dof == 0 {
@@ -136,8 +131,8 @@ fn scatter(report: &Report) -> Option<Remark> {
         "chi-square is {chi2:.1}, expected {dof} \u{b1} {:.0}",
         (2.0 * dof as f64).sqrt()
     );
-    let (heading, text) = match normal_equivalent(chi2, dof) {
-        z if z > 3.0 => (
+    let (heading, text) = match report.identification.chi2_p_value? {
+        p if p < SUSPICIOUS => (
             "The static readings scatter more than stated",
             format!(
                 "Their {expected}. Either the bench's uncertainties in campaign.toml are too small or something moved \
@@ -145,7 +140,7 @@ fn scatter(report: &Report) -> Option<Remark> {
                  are too small. The residuals below show where."
             ),
         ),
-        z if z < -3.0 => (
+        p if p > 1.0 - SUSPICIOUS => (
             "The static readings scatter less than stated",
             format!(
                 "Their {expected}. The bench's uncertainties in campaign.toml are too large, and so are those of the \

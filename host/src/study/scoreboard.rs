@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::cases::{Kind, VISIBILITIES};
 use super::trial::{Outcome, Score};
+use crate::median::median;
 
 /// The scoreboard.
 #[derive(Clone, Debug, Serialize)]
@@ -55,27 +56,115 @@ fn brier(judged: &[(f64, bool)]) -> f64 {
     judged.iter().map(off).sum::<f64>() / judged.len() as f64
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
+fn line(out: &mut String, text: &str) {
+    out.push_str(text);
+    out.push('\n');
+}
+
+/// How much of the gap on hold-out runs was closed, and whether what was stated of it holds.
+fn closing(singles: &[&Outcome], out: &mut String) {
+    let closing: Vec<&&Outcome> = singles.iter().filter(|o| o.closed.is_some()).collect();
+    let Some(closed) = median(closing.iter().filter_map(|o| o.closed).collect()) else {
+        return;
+    };
+    let held = closing.iter().filter(|o| {
+        matches!((o.closed, o.closed_interval), (Some(closed), Some([low, high])) if (low..=high).contains(&closed))
+    });
+    let near = closing.iter().filter(|o| {
+        matches!((o.closed, o.closed_stated), (Some(closed), Some(stated)) if (closed - stated).abs() <= 0.15)
+    });
+    line(
+        out,
+        &format!(
+            "gap on hold-out runs closed: median {:.0} %; stated within 0.15 of it {}, its 90 % interval holds it {}",
+            100.0 * closed,
+            share(near.count(), closing.len()),
+            share(held.count(), closing.len()),
+        ),
+    );
+}
+
+/// A line of shares: what it says, outcomes of which kind, which scores count.
+const LINES: [(&str, Kind, &[Score]); 5] = [
+    ("no effect: false alarms", Kind::Nothing, ALARMS),
+    (
+        "no effect, paper's plan and head: false alarms",
+        Kind::NothingPaperPlan,
+        ALARMS,
+    ),
+    (
+        "outside the catalogue: called unexplained",
+        Kind::OutsideCatalogue,
+        &[Score::Right],
+    ),
+    (
+        "withheld from the catalogue: called unexplained",
+        Kind::Withheld,
+        &[Score::Right],
+    ),
+    ("pairs: both named", Kind::Pair, NAMED),
+];
+const ALARMS: &[Score] = &[Score::Wrong, Score::Unexplained];
+const NAMED: &[Score] = &[Score::Right, Score::InClass];
+
+fn scored(outcomes: &[&Outcome], scores: &[Score]) -> String {
+    let count = outcomes.iter().filter(|o| scores.contains(&o.score));
+    share(count.count(), outcomes.len())
 }
 
 impl Scoreboard {
     /// The scoreboard for the terminal.
     pub fn text(&self) -> String {
-        use std::fmt::Write as _;
+        let mut out = self.counts();
+        out.push('\n');
+        for visibility in VISIBILITIES {
+            let set = self.of(|o| o.kind == Kind::Single && o.visibility == visibility);
+            line(
+                &mut out,
+                &format!(
+                    "single effects, visibility {visibility}: right or in class {}, of these by class {}, wrong {}",
+                    scored(&set, NAMED),
+                    scored(&set, &[Score::InClass]),
+                    scored(&set, &[Score::Wrong]),
+                ),
+            );
+        }
+        for (words, kind, scores) in LINES {
+            let share = scored(&self.of(|o| o.kind == kind), scores);
+            line(&mut out, &format!("{words}: {share}"));
+        }
+        let singles = self.of(|o| o.kind == Kind::Single);
+        let right = singles.iter().filter(|o| o.stage_right).count();
+        let share_right = share(right, singles.len());
+        line(
+            &mut out,
+            &format!("single effects, right link of the chain: {share_right}"),
+        );
+        self.parameters(&mut out);
+        closing(&singles, &mut out);
+        let worse = self.of(|o| o.hold_out_ratio > 1.05).len();
+        let share_worse = share(worse, self.outcomes.len());
+        line(
+            &mut out,
+            &format!("hold-out runs made worse by more than 5 %: {share_worse}"),
+        );
+        self.calibration(&mut out);
+        out
+    }
+
+    fn of(&self, test: impl Fn(&Outcome) -> bool) -> Vec<&Outcome> {
+        self.outcomes.iter().filter(|o| test(o)).collect()
+    }
+
+    /// Scores by effects and visibility, one line each.
+    fn counts(&self) -> String {
         let mut out = String::new();
-        let scores = [
-            Score::Right,
-            Score::InClass,
-            Score::Wrong,
-            Score::Missed,
-            Score::Unexplained,
-        ];
-        let _ = writeln!(
-            out,
-            "{:<44} {:>5} {:>6} {:>6} {:>6} {:>6} {:>8}",
-            "effect", "vis.", "right", "class", "wrong", "missed", "unexpl."
+        line(
+            &mut out,
+            &format!(
+                "{:<44} {:>5} {:>6} {:>6} {:>6} {:>6} {:>8}",
+                "effect", "vis.", "right", "class", "wrong", "missed", "unexpl."
+            ),
         );
         for ((kind, effects, visibility), counts) in self.table() {
             let label = match kind {
@@ -85,110 +174,34 @@ impl Scoreboard {
                 Kind::OutsideCatalogue => format!("{effects} (not in the catalogue)"),
                 Kind::Withheld => format!("{effects} (withheld)"),
             };
-            let counts = scores.map(|score| counts.get(&score).copied().unwrap_or(0));
-            let [right, class, wrong, missed, unexplained] = counts;
-            let _ = writeln!(
-                out,
-                "{label:<44} {visibility:>5} {right:>6} {class:>6} {wrong:>6} {missed:>6} {unexplained:>8}"
+            let count = |score| counts.get(&score).copied().unwrap_or(0);
+            line(
+                &mut out,
+                &format!(
+                    "{label:<44} {visibility:>5} {:>6} {:>6} {:>6} {:>6} {:>8}",
+                    count(Score::Right),
+                    count(Score::InClass),
+                    count(Score::Wrong),
+                    count(Score::Missed),
+                    count(Score::Unexplained),
+                ),
             );
         }
-        let _ = writeln!(out);
-        let of = |test: &dyn Fn(&&Outcome) -> bool| {
-            self.outcomes.iter().filter(test).collect::<Vec<_>>()
-        };
-        let count = |set: &[&Outcome], score: &[Score]| {
-            set.iter().filter(|o| score.contains(&o.score)).count()
-        };
-        for visibility in VISIBILITIES {
-            let set = of(&|o| o.kind == Kind::Single && o.visibility == visibility);
-            let _ = writeln!(
-                out,
-                "single effects, visibility {visibility}: right or in class {}, of these by class {}, wrong {}",
-                share(count(&set, &[Score::Right, Score::InClass]), set.len()),
-                share(count(&set, &[Score::InClass]), set.len()),
-                share(count(&set, &[Score::Wrong]), set.len()),
-            );
-        }
-        let row = |out: &mut String, words: &str, set: Vec<&Outcome>, score: &[Score]| {
-            let _ = writeln!(out, "{words}: {}", share(count(&set, score), set.len()));
-        };
-        let alarms = [Score::Wrong, Score::Unexplained];
-        row(
-            &mut out,
-            "no effect: false alarms",
-            of(&|o| o.kind == Kind::Nothing),
-            &alarms,
-        );
-        row(
-            &mut out,
-            "no effect, paper's plan and head: false alarms",
-            of(&|o| o.kind == Kind::NothingPaperPlan),
-            &alarms,
-        );
-        row(
-            &mut out,
-            "outside the catalogue: called unexplained",
-            of(&|o| o.kind == Kind::OutsideCatalogue),
-            &[Score::Right],
-        );
-        row(
-            &mut out,
-            "withheld from the catalogue: called unexplained",
-            of(&|o| o.kind == Kind::Withheld),
-            &[Score::Right],
-        );
-        row(
-            &mut out,
-            "pairs: both named",
-            of(&|o| o.kind == Kind::Pair),
-            &[Score::Right, Score::InClass],
-        );
-        let singles = of(&|o| o.kind == Kind::Single);
-        let right = singles.iter().filter(|o| o.stage_right).count();
-        let _ = writeln!(
-            out,
-            "single effects, right link of the chain: {}",
-            share(right, singles.len())
-        );
-        let sigmas: Vec<f64> = self
-            .outcomes
-            .iter()
-            .filter_map(|o| o.worst_parameter_sigmas)
-            .collect();
-        let within = sigmas.iter().filter(|s| **s <= 4.0).count();
-        let _ = writeln!(
-            out,
-            "parameters all within four of their sigmas: {}",
-            share(within, sigmas.len())
-        );
-        let closing: Vec<&Outcome> = singles
-            .iter()
-            .copied()
-            .filter(|o| o.closed.is_some())
-            .collect();
-        if let Some(closed) = median(closing.iter().filter_map(|o| o.closed).collect()) {
-            let held = |o: &&&Outcome| matches!((o.closed, o.closed_interval), (Some(a), Some([low, high])) if (low..=high).contains(&a));
-            let close = |o: &&&Outcome| matches!((o.closed, o.closed_stated), (Some(a), Some(b)) if (a - b).abs() <= 0.15);
-            let _ = writeln!(
-                out,
-                "gap on hold-out runs closed: median {:.0} %; stated within 0.15 of it {}, its 90 % interval holds it {}",
-                100.0 * closed,
-                share(closing.iter().filter(close).count(), closing.len()),
-                share(closing.iter().filter(held).count(), closing.len()),
-            );
-        }
-        let worse = self
-            .outcomes
-            .iter()
-            .filter(|o| o.hold_out_ratio > 1.05)
-            .count();
-        let _ = writeln!(
-            out,
-            "hold-out runs made worse by more than 5 %: {}",
-            share(worse, self.outcomes.len())
-        );
-        self.calibration(&mut out);
         out
+    }
+
+    fn parameters(&self, out: &mut String) {
+        let sigmas = self
+            .outcomes
+            .iter()
+            .filter_map(|o| o.worst_parameter_sigmas);
+        let sigmas: Vec<f64> = sigmas.collect();
+        let within = sigmas.iter().filter(|s| **s <= 4.0).count();
+        let share = share(within, sigmas.len());
+        line(
+            out,
+            &format!("parameters all within four of their sigmas: {share}"),
+        );
     }
 
     /// Mean square of the probability of what is named less whether it is right, 0 to 1; NaN of no outcomes.
@@ -210,27 +223,26 @@ impl Scoreboard {
 
     /// Reliability of the probability of what is named, in bins, and its Brier score.
     fn calibration(&self, out: &mut String) {
-        use std::fmt::Write as _;
         let judged = self.judged();
         if judged.is_empty() {
             return;
         }
         let brier = brier(&judged);
-        let _ = writeln!(
+        line(
             out,
-            "probability of what is named (Brier score {brier:.3}):"
+            &format!("probability of what is named (Brier score {brier:.3}):"),
         );
         for (low, high) in [(0.0, 0.5), (0.5, 0.9), (0.9, 0.99), (0.99, 1.01)] {
-            let bin: Vec<&(f64, bool)> = judged
-                .iter()
-                .filter(|(p, _)| (low..high).contains(p))
-                .collect();
+            let bin = judged.iter().filter(|(p, _)| (low..high).contains(p));
+            let bin: Vec<_> = bin.collect();
             let right = bin.iter().filter(|(_, right)| *right).count();
-            let _ = writeln!(
+            line(
                 out,
-                "  {low:.2} to {:.2}: right {}",
-                f64::min(high, 1.0),
-                share(right, bin.len())
+                &format!(
+                    "  {low:.2} to {:.2}: right {}",
+                    f64::min(high, 1.0),
+                    share(right, bin.len())
+                ),
             );
         }
     }

@@ -1,10 +1,12 @@
 //! One campaign of a study, diagnosed and held against the truth.
 
 use serde::Serialize;
+use shared::model::{Coefficients, NOMINAL};
 
 use super::cases::{Case, Kind, simulate, strengths};
 use crate::bench::noise::Seed;
 use crate::bench::simulate::{EffectTruth, Simulation};
+use crate::campaign::Run;
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::effects;
 use crate::error::Error;
@@ -87,42 +89,17 @@ pub(super) fn try_case(
         without.extend(case.effects.iter().map(|id| (*id).to_owned()));
     }
     let diagnosis = diagnose(&campaign, &without)?.diagnosis;
-    let mean_square = |predicted: Vec<Quantity>| {
-        let errors = predicted.iter().zip(&truth.holdout_vre_g);
-        let squares =
-            errors.map(|(quantity, truth)| (quantity.value.unwrap_or(f64::NAN) - truth).powi(2));
-        squares.sum::<f64>() / holdout.len().max(1) as f64
-    };
-    let with = mean_square(predict_refitted(
-        &campaign,
-        diagnosis.serving(),
-        &holdout,
-        None,
-    )?);
-    let refit = mean_square(predict_refitted(&campaign, [], &holdout, None)?);
-    let floor = {
-        let coefficients = shared::model::Coefficients::from_nominal(truth.coefficients);
-        let unseen = holdout
-            .iter()
-            .map(|run| unseen_variance_g2(&run.into(), &coefficients));
-        unseen.sum::<f64>() / holdout.len().max(1) as f64
-    };
+    let served = predict_refitted(&campaign, diagnosis.serving(), &holdout, None)?;
+    let with = mean_square_g2(&served, &truth.holdout_vre_g);
+    let refitted = predict_refitted(&campaign, [], &holdout, None)?;
+    let refit = mean_square_g2(&refitted, &truth.holdout_vre_g);
+    let floor = unseen_g2(&holdout, truth.coefficients);
     let best = &diagnosis.which[0];
     let mut named = best.effects.clone();
     named.sort();
     let mut acting: Vec<String> = case.effects.iter().map(|id| (*id).to_owned()).collect();
     acting.sort();
     let score = score(case, &diagnosis, &named, &acting);
-    let likely = diagnosis
-        .location
-        .stages
-        .iter()
-        .max_by(|a, b| a.probability.total_cmp(&b.probability));
-    let stage_right = likely.is_some_and(|likely| {
-        acting
-            .iter()
-            .any(|id| effects::find(id).is_some_and(|effect| effect.stage == likely.stage))
-    });
     let closed = (refit > 2.0 * floor && !acting.is_empty())
         .then(|| 1.0 - ((with - floor).max(0.0) / (refit - floor)).sqrt());
     Ok(Some(Outcome {
@@ -133,7 +110,7 @@ pub(super) fn try_case(
         seed: seed.0,
         score,
         probability: best.probability,
-        stage_right,
+        stage_right: stage_right(&diagnosis, &acting),
         worst_parameter_sigmas: (named == acting && !acting.is_empty())
             .then(|| worst_parameter(&diagnosis, &truth.effects))
             .flatten(),
@@ -144,6 +121,33 @@ pub(super) fn try_case(
         effects: acting,
         named,
     }))
+}
+
+/// Mean square of predicted less true vibration error, g^2.
+fn mean_square_g2(predicted: &[Quantity], truth_g: &[f64]) -> f64 {
+    let errors = predicted.iter().zip(truth_g);
+    let squares =
+        errors.map(|(quantity, truth)| (quantity.value.unwrap_or(f64::NAN) - truth).powi(2));
+    squares.sum::<f64>() / truth_g.len().max(1) as f64
+}
+
+/// Mean over runs of the variance that no prediction from the command can remove, g^2.
+fn unseen_g2(runs: &[Run], nominal: [f64; NOMINAL]) -> f64 {
+    let coefficients = Coefficients::from_nominal(nominal);
+    let unseen = runs
+        .iter()
+        .map(|run| unseen_variance_g2(&run.into(), &coefficients));
+    unseen.sum::<f64>() / runs.len().max(1) as f64
+}
+
+/// Whether the most probable stage is that of an effect which acts.
+fn stage_right(diagnosis: &Diagnosis, acting: &[String]) -> bool {
+    let stages = diagnosis.location.stages.iter();
+    let likely = stages.max_by(|a, b| a.probability.total_cmp(&b.probability));
+    likely.is_some_and(|likely| {
+        let mut acting = acting.iter().filter_map(|id| effects::find(id));
+        acting.any(|effect| effect.stage == likely.stage)
+    })
 }
 
 fn score(case: &Case, diagnosis: &Diagnosis, named: &[String], acting: &[String]) -> Score {
