@@ -5,6 +5,7 @@ use inference::dense::inner_product;
 use inference::fit::{Fit, fit, fit_base, tangent};
 use inference::held_out::held_out;
 use inference::model::{Member, SeparableModel};
+use inference::observations::Column;
 
 use crate::campaign::{Campaign, Run};
 use crate::campaign_model::CampaignModel;
@@ -189,13 +190,9 @@ impl Forecast {
     /// Of a fit, for the runs of a model whose rows are in g.
     pub(crate) fn new(predictor: &CampaignModel, fit: &Fit) -> Self {
         let (columns, values) = tangent(predictor, &fit.members, &fit.base_values);
+        let columns: Vec<Vec<f64>> = columns.iter().map(Column::to_vec).collect();
         let rows = 0..predictor.conditions().runs.len();
-        let slope = |row: usize| {
-            columns
-                .iter()
-                .map(|c| predictor.vre_g(&c.values, row))
-                .collect()
-        };
+        let slope = |row: usize| columns.iter().map(|c| predictor.vre_g(c, row)).collect();
         Self {
             vre_g: rows
                 .clone()

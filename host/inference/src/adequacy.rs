@@ -104,7 +104,7 @@ pub fn leverages(model: &dyn SeparableModel, fit: &Fit) -> Vec<f64> {
     let mut x = vec![0.0; n];
     for row in observations.gap().flat_map(|o| o.rows.clone()) {
         for (x, column) in x.iter_mut().zip(&fit.columns) {
-            *x = column.values[row];
+            *x = column.at(row);
         }
         let mut sum = 0.0;
         for i in 0..n {
@@ -123,11 +123,9 @@ pub fn leverages(model: &dyn SeparableModel, fit: &Fit) -> Vec<f64> {
 /// Observed less the base's part, in units of the noise; uncertain rows by their whole uncertainty.
 pub fn gap(model: &dyn SeparableModel, fit: &Fit) -> Vec<f64> {
     let observations = model.observations();
-    let mut gap = observations.observed().values.clone();
+    let mut gap = observations.observed().to_vec();
     for (column, x) in model.base().columns.iter().zip(&fit.base_values) {
-        for (g, v) in gap.iter_mut().zip(&column.values) {
-            *g -= x * v;
-        }
+        column.add_to(&mut gap, -x);
     }
     let uncertain = gap[observations.uncertain()].iter_mut();
     for (g, factor) in uncertain.zip(&fit.precision_factor) {

@@ -337,7 +337,7 @@ fn beside_base(model: &dyn SeparableModel, prediction: &Prediction, x: &[f64]) -
     let (observations, base) = (model.observations(), model.base());
     let mut sum = prediction
         .offset()
-        .map_or_else(|| vec![0.0; observations.len()], |o| o.values.clone());
+        .map_or_else(|| vec![0.0; observations.len()], Column::to_vec);
     let transformed = prediction.transformed(base, observations);
     let of_base = transformed.into_iter().flatten().zip(x);
     let further = prediction
@@ -345,9 +345,7 @@ fn beside_base(model: &dyn SeparableModel, prediction: &Prediction, x: &[f64]) -
         .map(|(c, _)| c)
         .zip(&x[base.columns.len()..]);
     for (column, x) in of_base.chain(further) {
-        for (s, v) in sum.iter_mut().zip(&column.values) {
-            *s += x * v;
-        }
+        column.add_to(&mut sum, *x);
     }
     sum
 }
@@ -357,9 +355,7 @@ pub fn predicted(model: &dyn SeparableModel, prediction: &Prediction, x: &[f64])
     let mut sum = beside_base(model, prediction, x);
     if prediction.transformed_rows().is_none() {
         for (column, x) in model.base().columns.iter().zip(x) {
-            for (s, v) in sum.iter_mut().zip(&column.values) {
-                *s += x * v;
-            }
+            column.add_to(&mut sum, *x);
         }
     }
     sum
@@ -440,7 +436,7 @@ fn finish(
     let left = residuals(model, &fitted, &vec![1.0; weighing.precision_factor.len()]);
     let left = model.observations().column(left);
     let roots = weighing.precision_factor.iter().map(|factor| factor.sqrt());
-    let residuals = model.observations().times(&left, roots).values;
+    let residuals = model.observations().times(&left, roots).to_vec();
     let slope = |column| {
         model
             .observations()
@@ -481,8 +477,8 @@ fn columns_of(
 
 fn residuals(model: &dyn SeparableModel, fitted: &[f64], precision_factor: &[f64]) -> Vec<f64> {
     let observations = model.observations();
-    let observed = observations.observed().values.iter();
-    let mut residuals: Vec<f64> = observed.zip(fitted).map(|(y, f)| y - f).collect();
+    let mut residuals = observations.observed().to_vec();
+    residuals.iter_mut().zip(fitted).for_each(|(y, f)| *y -= f);
     let uncertain = residuals[observations.uncertain()].iter_mut();
     for (residual, factor) in uncertain.zip(precision_factor) {
         *residual *= factor.sqrt();

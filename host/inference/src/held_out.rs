@@ -22,7 +22,7 @@ pub fn held_out(
     let mut right = vec![0.0; n];
     for &row in left_out {
         let root = root(row);
-        let x: Vec<f64> = fit.columns.iter().map(|c| c.values[row] * root).collect();
+        let x: Vec<f64> = fit.columns.iter().map(|c| c.at(row) * root).collect();
         for i in 0..n {
             right[i] -= x[i] * fit.residuals[row];
             for j in 0..n {
@@ -34,10 +34,7 @@ pub fn held_out(
     factor.solve(&mut right);
     let error = |&(plus, minus): &(usize, usize)| {
         let [p, m] = [plus, minus].map(|row| observations.weight(row));
-        let x = fit
-            .columns
-            .iter()
-            .map(|c| c.values[plus] / p - c.values[minus] / m);
+        let x = fit.columns.iter().map(|c| c.at(plus) / p - c.at(minus) / m);
         let residual =
             fit.residuals[plus] / (p * root(plus)) - fit.residuals[minus] / (m * root(minus));
         residual - x.zip(&right).map(|(x, d)| x * d).sum::<f64>()

@@ -109,13 +109,16 @@ impl Transformed {
 
     fn columns(&self, base: &Base, observations: &Observations) -> &[Column] {
         self.columns.get_or_init(|| {
-            let mut columns = base.columns.clone();
+            let mut columns: Vec<Vec<f64>> = base.columns.iter().map(Column::to_vec).collect();
             for (row, values) in self.rows(observations) {
                 for (column, value) in columns.iter_mut().zip(values) {
-                    column.values[row] = *value;
+                    column[row] = *value;
                 }
             }
             columns
+                .into_iter()
+                .map(|c| observations.column(c))
+                .collect()
         })
     }
 }

@@ -58,15 +58,16 @@ impl Normal {
     ) {
         let n = columns.len();
         let weighted = |column: &Column| -> Vec<f64> {
-            let values = column.values[rows.clone()].iter().zip(factor);
-            values.map(|(value, factor)| value * factor).collect()
+            let values = column.part(rows.clone());
+            let weighted = values.iter().zip(factor);
+            weighted.map(|(value, factor)| value * factor).collect()
         };
-        let y = &observed.values[rows.clone()];
+        let y = &observed.part(rows.clone());
         for (i, column) in columns.iter().enumerate() {
             let weighted = weighted(column);
             self.right[i] += inner_product(&weighted, y);
             for (j, other) in columns[..=i].iter().enumerate() {
-                self.matrix[i * n + j] += inner_product(&weighted, &other.values[rows.clone()]);
+                self.matrix[i * n + j] += inner_product(&weighted, &other.part(rows.clone()));
             }
         }
         self.square += inner_product(&weighted(observed), y);

@@ -1,5 +1,6 @@
 //! The observations as one whitened vector, and columns over it.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use crate::dense::inner_product;
@@ -7,18 +8,58 @@ use crate::dense::inner_product;
 /// A vector over all observations; what lies outside its span is zero and costs nothing.
 #[derive(Clone, Debug)]
 pub struct Column {
-    /// One number a row.
-    pub values: Vec<f64>,
-    /// Rows of the observables from the first to the last that may differ from zero.
-    span: Range<usize>,
+    rows: usize,
+    /// First row of the span.
+    start: usize,
+    /// One number a row, of the observables from the first to the last that may differ from zero.
+    values: Vec<f64>,
 }
 
 impl Column {
     /// Nothing but zeros.
     pub fn zero(rows: usize) -> Self {
         Self {
-            values: vec![0.0; rows],
-            span: 0..0,
+            rows,
+            start: 0,
+            values: Vec::new(),
+        }
+    }
+
+    /// Whether all of it is zero.
+    pub fn is_zero(&self) -> bool {
+        self.values.iter().all(|&value| value == 0.0)
+    }
+
+    /// The number of a row.
+    pub fn at(&self, row: usize) -> f64 {
+        let within = row.checked_sub(self.start);
+        within
+            .and_then(|k| self.values.get(k))
+            .copied()
+            .unwrap_or(0.0)
+    }
+
+    /// The numbers of some rows.
+    pub fn part(&self, rows: Range<usize>) -> Cow<'_, [f64]> {
+        let span = self.span();
+        if span.start <= rows.start && rows.end <= span.end {
+            Cow::Borrowed(&self.values[rows.start - self.start..rows.end - self.start])
+        } else {
+            Cow::Owned(rows.map(|row| self.at(row)).collect())
+        }
+    }
+
+    /// The numbers of all rows.
+    pub fn to_vec(&self) -> Vec<f64> {
+        let mut all = vec![0.0; self.rows];
+        all[self.span()].copy_from_slice(&self.values);
+        all
+    }
+
+    /// Adds a multiple of it to a number a row.
+    pub fn add_to(&self, sum: &mut [f64], factor: f64) {
+        for (sum, value) in sum[self.span()].iter_mut().zip(&self.values) {
+            *sum += factor * value;
         }
     }
 
@@ -26,15 +67,17 @@ impl Column {
     #[inline]
     pub fn add_at(&mut self, rows: Range<usize>, row: usize, value: f64) {
         if value != 0.0 {
-            self.values[rows.start + row] += value;
+            let at = rows.start + row;
             self.widen(rows);
+            self.values[at - self.start] += value;
         }
     }
 
     /// Adds another one.
     pub fn add(&mut self, other: &Self) {
-        self.widen(other.span.clone());
-        for (sum, value) in self.values.iter_mut().zip(&other.values) {
+        self.widen(other.span());
+        let from = other.start.saturating_sub(self.start);
+        for (sum, value) in self.values[from..].iter_mut().zip(&other.values) {
             *sum += value;
         }
     }
@@ -48,22 +91,46 @@ impl Column {
     /// Inner product over some rows.
     #[inline]
     pub(crate) fn dot_within(&self, other: &Self, rows: Range<usize>) -> f64 {
-        let start = self.span.start.max(other.span.start).max(rows.start);
-        let end = self.span.end.min(other.span.end).min(rows.end);
+        let (a, b) = (self.span(), other.span());
+        let start = a.start.max(b.start).max(rows.start);
+        let end = a.end.min(b.end).min(rows.end);
         if start < end {
-            inner_product(&self.values[start..end], &other.values[start..end])
+            inner_product(
+                &self.values[start - a.start..end - a.start],
+                &other.values[start - b.start..end - b.start],
+            )
         } else {
             0.0
         }
     }
 
+    fn touches(&self, rows: &Range<usize>) -> bool {
+        let span = self.span();
+        span.start < rows.end && rows.start < span.end
+    }
+
+    fn span(&self) -> Range<usize> {
+        self.start..self.start + self.values.len()
+    }
+
     #[inline]
     fn widen(&mut self, rows: Range<usize>) {
-        self.span = if self.span.is_empty() {
-            rows
-        } else {
-            self.span.start.min(rows.start)..self.span.end.max(rows.end)
-        };
+        let span = self.span();
+        if span.start <= rows.start && rows.end <= span.end {
+            return;
+        }
+        if span.is_empty() {
+            self.start = rows.start;
+            self.values.resize(rows.len(), 0.0);
+            return;
+        }
+        if rows.start < span.start {
+            let before = span.start - rows.start;
+            self.values.splice(0..0, std::iter::repeat_n(0.0, before));
+            self.start = rows.start;
+        }
+        let end = span.end.max(rows.end);
+        self.values.resize(end - self.start, 0.0);
     }
 }
 
@@ -105,8 +172,13 @@ struct SharedError {
 }
 
 impl SharedError {
-    fn take_out(&self, values: &mut [f64]) {
-        let values = &mut values[self.rows.clone()];
+    fn take_out(&self, column: &mut Column) {
+        if !column.touches(&self.rows) {
+            return;
+        }
+        column.widen(self.rows.clone());
+        let from = self.rows.start - column.start;
+        let values = &mut column.values[from..from + self.rows.len()];
         let along = self.factor * inner_product(&self.direction, values);
         for (value, direction) in values.iter_mut().zip(&self.direction) {
             *value -= along * direction;
@@ -127,7 +199,7 @@ impl Observations {
         weights: Vec<f64>,
         observed: Vec<f64>,
     ) -> Self {
-        let rows = 0..observed.len();
+        let rows = observed.len();
         let mut observations = Self {
             observables,
             gap,
@@ -138,8 +210,9 @@ impl Observations {
             observed: Column::zero(0),
         };
         observations.observed = observations.whiten(Column {
+            rows,
+            start: 0,
             values: observed,
-            span: rows,
         });
         observations
     }
@@ -151,8 +224,8 @@ impl Observations {
         for error in errors {
             let mut values = vec![0.0; self.len()];
             values[rows.clone()].copy_from_slice(&error);
-            let whitened = self.whiten(self.column(values)).values;
-            let direction = whitened[rows.clone()].to_vec();
+            let whitened = self.whiten(self.column(values));
+            let direction = whitened.part(rows.clone()).into_owned();
             let square = inner_product(&direction, &direction);
             if square > 0.0 {
                 let shared = SharedError {
@@ -160,7 +233,7 @@ impl Observations {
                     factor: (1.0 - (1.0 + square).sqrt().recip()) / square,
                     direction,
                 };
-                shared.take_out(&mut self.observed.values);
+                shared.take_out(&mut self.observed);
                 self.shared.push(shared);
             }
         }
@@ -232,20 +305,29 @@ impl Observations {
 
     /// A column of whitened values.
     pub fn column(&self, values: Vec<f64>) -> Column {
-        let mut column = Column { values, span: 0..0 };
-        for observable in &self.observables {
-            let rows = observable.rows.clone();
-            if column.values[rows.clone()].iter().any(|&v| v != 0.0) {
-                column.widen(rows);
-            }
+        let touched = |o: &&Observable| values[o.rows.clone()].iter().any(|&v| v != 0.0);
+        let mut touched = self.observables.iter().filter(touched);
+        let first = touched.next();
+        let last = touched.next_back().or(first);
+        let span = first
+            .zip(last)
+            .map_or(0..0, |(first, last)| first.rows.start..last.rows.end);
+        Column {
+            rows: values.len(),
+            start: span.start,
+            values: match span.len() == values.len() {
+                true => values,
+                false => values[span].to_vec(),
+            },
         }
-        column
     }
 
     /// A column in units of the observations' stated uncertainty.
     pub fn whiten(&self, mut column: Column) -> Column {
         let first = self.observables[0].rows.end;
-        if column.span.start < first {
+        let span = column.span();
+        if span.start < first && !span.is_empty() {
+            column.widen(0..first);
             let (head, _) = column.values.split_at_mut(first);
             let mut row = &self.correlated[..];
             for i in 0..first {
@@ -259,16 +341,13 @@ impl Observations {
                 row = rest;
             }
         }
-        for (value, weight) in column.values[first..]
-            .iter_mut()
-            .zip(&self.weights[first..])
-        {
+        let from = first.saturating_sub(column.start).min(column.values.len());
+        let weights = &self.weights[column.start + from..];
+        for (value, weight) in column.values[from..].iter_mut().zip(weights) {
             *value *= weight;
         }
         for shared in &self.shared {
-            if column.span.start < shared.rows.end && column.span.end > shared.rows.start {
-                shared.take_out(&mut column.values);
-            }
+            shared.take_out(&mut column);
         }
         column
     }
@@ -276,15 +355,11 @@ impl Observations {
     /// Inner product with each uncertain row counted by its precision factor.
     pub(crate) fn dot(&self, a: &Column, b: &Column, precision_factor: &[f64]) -> f64 {
         let uncertain = self.uncertain();
-        let touched = a.span.start.max(b.span.start) < uncertain.end
-            && a.span.end.min(b.span.end) > uncertain.start;
-        let weighted = if touched {
-            let rows = a.values[uncertain.clone()]
-                .iter()
-                .zip(&b.values[uncertain.clone()]);
-            rows.zip(precision_factor)
-                .map(|((a, b), t)| a * b * t)
-                .sum()
+        let both = a.touches(&uncertain) && b.touches(&uncertain);
+        let weighted = if both {
+            let (a, b) = (a.part(uncertain.clone()), b.part(uncertain.clone()));
+            let rows = a.iter().zip(&*b).zip(precision_factor);
+            rows.map(|((a, b), t)| a * b * t).sum()
         } else {
             0.0
         };
@@ -294,8 +369,13 @@ impl Observations {
     /// A column with each uncertain row times its factor.
     pub(crate) fn times(&self, column: &Column, factor: impl Iterator<Item = f64>) -> Column {
         let mut column = column.clone();
-        for (value, factor) in column.values[self.uncertain()].iter_mut().zip(factor) {
-            *value *= factor;
+        let uncertain = self.uncertain();
+        if column.touches(&uncertain) {
+            column.widen(uncertain.clone());
+            let from = uncertain.start - column.start;
+            for (value, factor) in column.values[from..].iter_mut().zip(factor) {
+                *value *= factor;
+            }
         }
         column
     }

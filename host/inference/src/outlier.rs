@@ -35,7 +35,7 @@ pub fn distances(model: &dyn SeparableModel, fit: &Fit, further: &[Column]) -> V
             let mut unit = Column::zero(observations.len());
             unit.add_at(correlated.clone(), row - correlated.start, 1.0);
             let unit = observations.whiten(unit);
-            left.distance(correlated.clone(), &unit.values[correlated.clone()])
+            left.distance(correlated.clone(), &unit.part(correlated.clone()))
         } else if observations.weight(row) == 0.0 {
             0.0
         } else {
@@ -60,12 +60,10 @@ impl Left<'_> {
         let n = self.own.len();
         for column in &further {
             let across: Vec<f64> = self.own.iter().map(|c| c.dot(column)).collect();
-            let mut rest = column.values.clone();
+            let mut rest = column.to_vec();
             for (row, own) in self.covariance.chunks_exact(n).zip(&self.own) {
                 let part = inner_product(row, &across);
-                rest.iter_mut()
-                    .zip(&own.values)
-                    .for_each(|(r, v)| *r -= part * v);
+                own.add_to(&mut rest, -part);
             }
             let (square, whole) = (inner_product(&rest, &rest), column.dot(column));
             if square > RIDGE * whole {
@@ -106,7 +104,11 @@ impl Left<'_> {
         let n = self.own.len();
         let whole = inner_product(unit, unit);
         let along = |column: &[f64]| inner_product(unit, &column[rows.clone()]);
-        let x: Vec<f64> = self.own.iter().map(|c| along(&c.values)).collect();
+        let own = self
+            .own
+            .iter()
+            .map(|c| inner_product(unit, &c.part(rows.clone())));
+        let x: Vec<f64> = own.collect();
         let covariance = self.covariance.chunks_exact(n).zip(&x);
         let mut information = whole
             - covariance

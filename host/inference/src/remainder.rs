@@ -167,7 +167,7 @@ fn scale(matrix: &mut [f64], right: &mut [f64], k: usize) {
 /// What the members of a fit add to the observations, whitened.
 pub fn signature(model: &dyn SeparableModel, fit: &Fit) -> Column {
     let observations = model.observations();
-    let observed = &observations.observed().values;
+    let observed = observations.observed().to_vec();
     let mut sum: Vec<f64> = observed.clone();
     for (sum, residual) in sum.iter_mut().zip(&fit.residuals) {
         *sum -= residual;
@@ -177,9 +177,7 @@ pub fn signature(model: &dyn SeparableModel, fit: &Fit) -> Column {
         sum[row] = observed[row] - fit.residuals[row] / factor.sqrt();
     }
     for (column, x) in model.base().columns.iter().zip(&fit.base_values) {
-        for (s, v) in sum.iter_mut().zip(&column.values) {
-            *s -= x * v;
-        }
+        column.add_to(&mut sum, -x);
     }
     observations.column(sum)
 }

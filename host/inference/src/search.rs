@@ -390,7 +390,7 @@ impl Seek<'_> {
         let observations = self.model.observations();
         let mut values = prediction
             .offset()
-            .map_or_else(|| vec![0.0; observations.len()], |seen| seen.values.clone());
+            .map_or_else(|| vec![0.0; observations.len()], Column::to_vec);
         let columns = &self.model.base().columns;
         for (row, transformed) in prediction
             .transformed_rows()
@@ -399,7 +399,7 @@ impl Seek<'_> {
         {
             let terms = transformed.iter().zip(columns).zip(&base.base_values);
             values[row] += terms
-                .map(|((value, column), x)| (value - column.values[row]) * x)
+                .map(|((value, column), x)| (value - column.at(row)) * x)
                 .sum::<f64>();
         }
         observations.column(values)
@@ -408,7 +408,7 @@ impl Seek<'_> {
     /// Drop of chi-square by a transformation, the base fitted anew.
     fn transformed_gain(&self, base: &Fit, prediction: &Prediction) -> f64 {
         let observations = self.model.observations();
-        let observed = &observations.observed().values;
+        let observed = observations.observed().to_vec();
         let uncertain = observations.uncertain();
         let Normal {
             mut matrix,
@@ -445,7 +445,8 @@ impl Seek<'_> {
         for observable in observations.observables().iter().filter(|o| !o.transforms) {
             let rows = observable.rows.clone();
             if let Some(seen) = prediction.offset() {
-                let pairs = seen.values[rows.clone()].iter().zip(&observed[rows]);
+                let seen = seen.part(rows.clone());
+                let pairs = seen.iter().zip(&observed[rows]);
                 square += pairs.map(|(seen, y)| seen * (seen - 2.0 * y)).sum::<f64>();
             }
         }

@@ -317,8 +317,8 @@ pub fn suspects(
 /// Whitened residuals of all rows of a model under a fit that was made without some of them.
 fn residuals(model: &CampaignModel, fit: &Fit) -> Vec<f64> {
     let (values, _) = model.prediction(&fit.members, &fit.base_values);
-    let observed = &model.observations().observed().values;
-    let mut residuals: Vec<f64> = observed.iter().zip(&values).map(|(y, f)| y - f).collect();
+    let mut residuals = model.observations().observed().to_vec();
+    residuals.iter_mut().zip(&values).for_each(|(y, f)| *y -= f);
     for (row, factor) in model.observations().uncertain().zip(&fit.precision_factor) {
         residuals[row] *= factor.sqrt();
     }

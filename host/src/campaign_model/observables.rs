@@ -121,7 +121,7 @@ impl Observer<'_> {
             Observable::During as usize,
             static_factor(campaign, self.scale_v_per_g, self.assumptions),
             seen.sigma.iter().map(|sigma| sigma.recip()).collect(),
-            seen.values.column.values,
+            seen.values.column.to_vec(),
         );
         match self.reference {
             Some(reference) => {

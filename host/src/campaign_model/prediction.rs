@@ -189,7 +189,7 @@ impl CampaignModel {
                     _ => moving[part][k] * weight,
                 }));
                 // Sessions and the table's level act as at the commanded motion.
-                values.extend(self.base.columns[NOMINAL..].iter().map(|c| c.values[row]));
+                values.extend(self.base.columns[NOMINAL..].iter().map(|c| c.at(row)));
             }
         }
         Transformed::new(values, unknowns)

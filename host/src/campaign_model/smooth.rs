@@ -73,7 +73,7 @@ impl CampaignModel {
         let columns = family.into_iter();
         columns
             .map(|added| self.observations.whiten(added.column))
-            .filter(|column| column.values.iter().any(|&v| v != 0.0))
+            .filter(|column| !column.is_zero())
             .collect()
     }
 

@@ -25,10 +25,10 @@ pub(super) fn shrink(campaign: &Campaign, settled: &Settled, shown: &Fit) -> Opt
     for place in 0..campaign.runs.len() {
         run_of_row[model.row_of_run(place)] = place;
     }
-    let observed = &model.observations().observed().values;
+    let observed = model.observations().observed().to_vec();
     let by_statics = |run: usize| {
         let predicted = sensitivity(&campaign.runs[run_of_row[run]]).vre_g(&statics.coefficients);
-        model.vre_g(observed, run) - predicted
+        model.vre_g(&observed, run) - predicted
     };
     let rms =
         |squares: &mut dyn Iterator<Item = f64>| (squares.sum::<f64>() / refit.len() as f64).sqrt();

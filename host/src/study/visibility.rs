@@ -30,7 +30,7 @@ pub fn visibility(with: &Campaign, bare: &Campaign) -> Option<f64> {
         model.scale_v_per_g(),
     );
     let null = fit_base(&model)?;
-    let [now, then] = [&changed, &model].map(|model| &model.observations().observed().values);
+    let [now, then] = [&changed, &model].map(|model| model.observations().observed().to_vec());
     let mut difference = vec![0.0; model.observations().len()];
     for row in GAP
         .into_iter()
