@@ -1,7 +1,6 @@
 //! What a model predicts: a base that is linear in its unknowns, and components that may act beside it.
 
-use std::cell::OnceCell;
-use std::rc::Rc;
+use std::sync::{Arc, OnceLock};
 
 use crate::normal::Normal;
 use crate::observations::{Column, Observations};
@@ -84,7 +83,7 @@ pub struct Transformed {
     /// Row after row of the observables that transform: the whitened value of each unknown of the base.
     values: Vec<f64>,
     unknowns: usize,
-    columns: OnceCell<Vec<Column>>,
+    columns: OnceLock<Vec<Column>>,
 }
 
 impl Transformed {
@@ -94,7 +93,7 @@ impl Transformed {
         Self {
             values,
             unknowns,
-            columns: OnceCell::new(),
+            columns: OnceLock::new(),
         }
     }
 
@@ -126,8 +125,8 @@ impl Transformed {
 /// The prediction of a hypothesis at given values of what is not in proportion.
 #[derive(Debug, Default)]
 pub struct Prediction {
-    transformed: Option<Rc<Transformed>>,
-    linear: Vec<Rc<Columns>>,
+    transformed: Option<Arc<Transformed>>,
+    linear: Vec<Arc<Columns>>,
     offset: Option<Column>,
     variance: Vec<f64>,
 }
@@ -142,12 +141,12 @@ impl Prediction {
     }
 
     /// The base's columns are transformed.
-    pub fn transform(&mut self, transformed: Rc<Transformed>) {
+    pub fn transform(&mut self, transformed: Arc<Transformed>) {
         self.transformed = Some(transformed);
     }
 
     /// Columns of parameters in proportion.
-    pub fn add_linear(&mut self, columns: Rc<Columns>) {
+    pub fn add_linear(&mut self, columns: Arc<Columns>) {
         self.linear.push(columns);
     }
 
@@ -245,7 +244,7 @@ impl Base {
 }
 
 /// A base and components that may act beside it, alone or together.
-pub trait SeparableModel {
+pub trait SeparableModel: Sync {
     /// What was observed.
     fn observations(&self) -> &Observations;
 

@@ -1,6 +1,8 @@
 //! Which components act: singles, pairs and steps beyond, by marginal likelihood.
 
-use std::collections::HashMap;
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
 
 use crate::adequacy::{Adequacy, adequacy, log_something_else};
 use crate::dense::Cholesky;
@@ -164,7 +166,7 @@ struct Starts(Vec<Start>);
 impl Starts {
     fn new(model: &dyn SeparableModel, policy: &SearchPolicy) -> Self {
         let components = model.components().iter().enumerate();
-        let starts = components.flat_map(|(component, entry)| {
+        let members = components.flat_map(|(component, entry)| {
             let count = entry.parameters.len();
             let grid = if entry.begins_at_nothing() {
                 let alone = |k| {
@@ -176,17 +178,18 @@ impl Starts {
             } else {
                 entry.grid()
             };
-            let start = move |values| {
-                let member = Member { component, values };
-                let prediction = match entry.kind {
-                    Kind::AddsVariance => Prediction::default(),
-                    _ => model.predict(std::slice::from_ref(&member), Fidelity::Screening),
-                };
-                Start { member, prediction }
-            };
-            grid.into_iter().map(start).collect::<Vec<_>>()
+            let member = move |values| Member { component, values };
+            grid.into_iter().map(member)
         });
-        Self(starts.collect())
+        let start = |member: Member| Start {
+            prediction: match model.components()[member.component].kind {
+                Kind::AddsVariance => Prediction::default(),
+                _ => model.predict(std::slice::from_ref(&member), Fidelity::Screening),
+            },
+            member,
+        };
+        let members: Vec<Member> = members.collect();
+        Self(members.into_par_iter().map(start).collect())
     }
 }
 
@@ -298,15 +301,18 @@ impl Seek<'_> {
     /// The best starts of every component on top of a fit, the most promising component first.
     fn promising(&self, base: &Fit) -> Vec<Promise> {
         let remainder = Remainder::new(self.model, base);
+        let units = self.model.components().iter().map(|_| OnceLock::new());
+        let units: Vec<OnceLock<Vec<(usize, f64)>>> = units.collect();
+        let free = |start: &&Start| {
+            let mut members = base.members.iter();
+            !members.any(|member| member.component == start.member.component)
+        };
+        let gain = |start| (self.gain(base, &remainder, start, &units), &start.member);
+        let starts = self.starts.0.par_iter().filter(free);
+        let gains: Vec<(f64, &Member)> = starts.map(gain).collect();
         let mut promises: Vec<Promise> = Vec::new();
-        let mut units: HashMap<usize, Vec<(usize, f64)>> = HashMap::new();
-        for start in &self.starts.0 {
-            let number = start.member.component;
-            if base.members.iter().any(|member| member.component == number) {
-                continue;
-            }
-            let gain = self.gain(base, &remainder, start, &mut units);
-            self.keep(&mut promises, gain, &start.member);
+        for (gain, member) in gains {
+            self.keep(&mut promises, gain, member);
         }
         for promise in &mut promises {
             promise.starts.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -353,7 +359,7 @@ impl Seek<'_> {
         base: &Fit,
         remainder: &Remainder<'_>,
         start: &Start,
-        units: &mut HashMap<usize, Vec<(usize, f64)>>,
+        units: &[OnceLock<Vec<(usize, f64)>>],
     ) -> f64 {
         let number = start.member.component;
         let component = &self.model.components()[number];
@@ -377,9 +383,7 @@ impl Seek<'_> {
                 remainder.fixed_gain(&self.transformed_difference(base, prediction))
             }
             Kind::AddsVariance => {
-                let unit = units
-                    .entry(number)
-                    .or_insert_with(|| unit(self.model, base, number));
+                let unit = units[number].get_or_init(|| unit(self.model, base, number));
                 gain(base, unit, start.member.values[0])
             }
         }
@@ -460,8 +464,10 @@ impl Seek<'_> {
 
     /// Every promising component on top of a fit, from its best start.
     fn add_to(&self, base: &Fit, most: usize) -> Vec<Fit> {
-        let promising = self.promising(base).into_iter().take(most);
+        let mut promising = self.promising(base);
+        promising.truncate(most);
         promising
+            .into_par_iter()
             .filter_map(|promise| {
                 let least = self.policy.mode_worth * promise.starts[0].0;
                 let worth = promise.starts.into_iter().filter(|(gain, _)| *gain > least);

@@ -1,8 +1,7 @@
 //! What a hypothesis predicts: what a changed motion makes of the nominal model, and what effects add.
 
-use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use inference::fit::{predicted, unknowns_of};
 use inference::model::{Columns, Fidelity, Member, Prediction, SeparableModel, Transformed};
@@ -20,7 +19,7 @@ use crate::forward::nominal;
 #[derive(Debug)]
 pub(super) struct ChangedMotion {
     pub(super) motions: Vec<Motion>,
-    nominal: Rc<Transformed>,
+    nominal: Arc<Transformed>,
     /// What the reference sees of it.
     seen: Option<Column>,
 }
@@ -32,9 +31,9 @@ type Key = Vec<(usize, Vec<f64>)>;
 #[derive(Debug, Default)]
 pub(super) struct Kept {
     /// By the effects that change the motion.
-    motions: RefCell<VecDeque<(Key, Rc<ChangedMotion>)>>,
+    motions: Mutex<VecDeque<(Key, Arc<ChangedMotion>)>>,
     /// By the effect with its parameters that are not in proportion, and those that change the motion.
-    columns: RefCell<VecDeque<(Key, Rc<Columns>)>>,
+    columns: Mutex<VecDeque<(Key, Arc<Columns>)>>,
 }
 
 impl Kept {
@@ -42,20 +41,29 @@ impl Kept {
 
     /// Forgets all: they depend on something that has changed.
     pub(super) fn clear(&self) {
-        self.motions.borrow_mut().clear();
-        self.columns.borrow_mut().clear();
+        lock(&self.motions).clear();
+        lock(&self.columns).clear();
     }
 
-    fn get<T>(kept: &RefCell<VecDeque<(Key, Rc<T>)>>, key: Key, make: impl FnOnce() -> T) -> Rc<T> {
-        let mut kept = kept.borrow_mut();
-        let known = kept.iter().position(|known| known.0 == key);
-        let latest = known.and_then(|place| kept.remove(place));
-        let latest = latest.unwrap_or_else(|| (key, Rc::new(make())));
-        let value = Rc::clone(&latest.1);
+    fn get<T>(kept: &Mutex<VecDeque<(Key, Arc<T>)>>, key: Key, make: impl FnOnce() -> T) -> Arc<T> {
+        let known = {
+            let mut kept = lock(kept);
+            let known = kept.iter().position(|known| known.0 == key);
+            known.and_then(|place| kept.remove(place))
+        };
+        // Others go on meanwhile.
+        let latest = known.unwrap_or_else(|| (key, Arc::new(make())));
+        let value = Arc::clone(&latest.1);
+        let mut kept = lock(kept);
         kept.truncate(Self::MOST - 1);
         kept.push_front(latest);
         value
     }
+}
+
+/// What is kept is whole at any time.
+fn lock<T>(kept: &Mutex<T>) -> MutexGuard<'_, T> {
+    kept.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl CampaignModel {
@@ -63,9 +71,9 @@ impl CampaignModel {
     pub(super) fn predict_anew(&self, members: &[Member]) -> Prediction {
         let changed = self
             .transforms(members)
-            .then(|| Rc::new(self.change_motion(members)));
+            .then(|| Arc::new(self.change_motion(members)));
         let columns = |member: &Member, felt: &Conditions| {
-            Rc::new(self.columns(member, felt, Fidelity::Screening))
+            Arc::new(self.columns(member, felt, Fidelity::Screening))
         };
         self.assemble(members, changed, columns)
     }
@@ -86,8 +94,8 @@ impl CampaignModel {
     fn assemble(
         &self,
         members: &[Member],
-        changed: Option<Rc<ChangedMotion>>,
-        columns: impl Fn(&Member, &Conditions) -> Rc<Columns>,
+        changed: Option<Arc<ChangedMotion>>,
+        columns: impl Fn(&Member, &Conditions) -> Arc<Columns>,
     ) -> Prediction {
         let conditions = &self.conditions;
         let mut prediction = Prediction::of_base(conditions.runs.len());
@@ -97,7 +105,7 @@ impl CampaignModel {
             ..conditions.clone()
         });
         if let Some(changed) = changed {
-            prediction.transform(Rc::clone(&changed.nominal));
+            prediction.transform(Arc::clone(&changed.nominal));
             if let Some(seen) = &changed.seen {
                 prediction.add_offset(seen);
             }
@@ -158,14 +166,14 @@ impl CampaignModel {
     }
 
     /// What members make of the motion; `None` if it is as commanded.
-    pub(super) fn transformed(&self, members: &[Member]) -> Option<Rc<ChangedMotion>> {
+    pub(super) fn transformed(&self, members: &[Member]) -> Option<Arc<ChangedMotion>> {
         let by = self.transforming_key(members);
         (!by.is_empty()).then(|| Kept::get(&self.kept.motions, by, || self.change_motion(members)))
     }
 
     fn change_motion(&self, members: &[Member]) -> ChangedMotion {
         let (motions, seen) = self.changed_motions(members);
-        let nominal = Rc::new(self.transformed_base(&motions));
+        let nominal = Arc::new(self.transformed_base(&motions));
         ChangedMotion {
             motions,
             nominal,

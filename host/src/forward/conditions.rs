@@ -1,6 +1,6 @@
 //! Conditions of a campaign, and what other instruments than the one under test saw.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use shared::model::{Coefficients, SpecificForce};
 
@@ -46,19 +46,19 @@ impl Witnesses {
 #[derive(Clone, Debug)]
 pub struct Conditions {
     /// Dial readings.
-    pub readings: Rc<[ReadingConditions]>,
+    pub readings: Arc<[ReadingConditions]>,
     /// Runs, those to be predicted included, in the order of time.
-    pub runs: Rc<[RunConditions]>,
+    pub runs: Arc<[RunConditions]>,
     /// Their motion: as commanded, or as another effect of the hypothesis has changed it.
     pub motions: Vec<Motion>,
     /// Tables for time means.
-    pub averages: Rc<Averages>,
+    pub averages: Arc<Averages>,
     /// Their bands.
-    pub bands: Rc<Bands>,
+    pub bands: Arc<Bands>,
     /// Coefficients that the nominal model is believed to have.
     pub coefficients: Coefficients<f64>,
     /// Largest magnitude of each run's vibration along IA, g.
-    pub peaks_g: Rc<[f64]>,
+    pub peaks_g: Arc<[f64]>,
     /// Local gravity, g.
     pub gravity_g: f64,
     /// Reference temperature, degrees Celsius.
@@ -82,7 +82,7 @@ impl Conditions {
             time_s: reading.time_s - start_s,
             ..reading.into()
         };
-        let readings: Rc<[_]> = campaign.readings.iter().map(reading).collect();
+        let readings: Arc<[_]> = campaign.readings.iter().map(reading).collect();
         let motion = |(run, (excess, variance)): (&&Run, &(f64, f64))| {
             let mut motion = Motion::commanded(&(*run).into(), run.reference.as_ref());
             if *excess != 0.0 {
@@ -96,7 +96,7 @@ impl Conditions {
             time_s: run.time_s - start_s,
             ..(*run).into()
         };
-        let conditions: Rc<[RunConditions]> = runs.iter().map(run).collect();
+        let conditions: Arc<[RunConditions]> = runs.iter().map(run).collect();
         let bench = &campaign.config.bench;
         Self {
             motions: runs
@@ -104,12 +104,12 @@ impl Conditions {
                 .zip(&witnesses.level_excess)
                 .map(motion)
                 .collect(),
-            averages: Rc::new(Averages::new(&conditions)),
-            bands: Rc::new(Bands::new(&conditions)),
+            averages: Arc::new(Averages::new(&conditions)),
+            bands: Arc::new(Bands::new(&conditions)),
             readings,
             runs: conditions,
             coefficients,
-            peaks_g: Rc::new([]),
+            peaks_g: Arc::new([]),
             gravity_g: bench.local_gravity_g,
             reference_temp_c: bench.reference_temp_c,
             logger_rate_hz: campaign.config.acquisition.sample_rate_hz,
