@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::adequacy::{Adequacy, adequacy, log_something_else};
 use crate::dense::Cholesky;
-use crate::fit::{Fit, fit, fit_base, tangent, thresholds_anew};
+use crate::fit::{Fit, fit_base, tangent, thresholds_anew};
 use crate::model::{Fidelity, Kind, Member, Prediction, SeparableModel};
 use crate::normal::Normal;
 use crate::observations::Column;
@@ -46,6 +46,8 @@ pub struct SearchPolicy {
     pub closer_look: usize,
     /// The same on top of others.
     pub further_look: usize,
+    /// Most rounds of a fit and of what its components take for the base.
+    pub carried: usize,
     /// Share of the most promising component's gain, at the nearest points of the grids, below which another one cannot win.
     pub hopeless: f64,
     /// A small value of a parameter that begins at nothing.
@@ -76,6 +78,7 @@ impl Default for SearchPolicy {
             bases: 3,
             closer_look: 10,
             further_look: 4,
+            carried: 20,
             hopeless: 0.05,
             small: 2e-3,
             alike: 0.1,
@@ -111,8 +114,8 @@ pub struct Search {
 
 /// Searches all components of a model. `None` if the observations and priors do not determine even the base.
 pub fn search(model: &mut dyn SeparableModel, policy: &SearchPolicy) -> Option<Search> {
-    let undisturbed = base_without_uncertain_rows(model)?;
-    model.linearise_about(&undisturbed.base_values);
+    let undisturbed = still_base(model)?;
+    model.linearise_about(&undisturbed);
     let null = fit_base(model)?;
     let starts = Starts::new(model, policy);
     let seek = Seek {
@@ -128,12 +131,7 @@ pub fn search(model: &mut dyn SeparableModel, policy: &SearchPolicy) -> Option<S
     let promising = best.is_some_and(|best| best.log_evidence > null.log_evidence + policy.worth);
     if promising {
         // What components take for the base, now that the largest bend is out of it.
-        model.linearise_about(&fits[0].base_values);
-        for fit in fits.iter_mut().take(3) {
-            if let Some(again) = fit_with_size(model, fit.members.clone(), &fit.precision_factor) {
-                *fit = again;
-            }
-        }
+        carry_to_own_base(model, policy, &mut fits);
     }
     let seek = Seek {
         model,
@@ -148,10 +146,31 @@ pub fn search(model: &mut dyn SeparableModel, policy: &SearchPolicy) -> Option<S
     Some(seek.conclude(null, null_adequacy, fits, &families))
 }
 
-/// The base by all rows that no transformation or addition to uncertain rows touches.
-fn base_without_uncertain_rows(model: &dyn SeparableModel) -> Option<Fit> {
-    let doubted = vec![1e-12; model.observations().uncertain().len()];
-    fit(model, Vec::new(), &doubted, 0)
+/// Unknowns of the base by the rows that no transformation touches.
+fn still_base(model: &dyn SeparableModel) -> Option<Vec<f64>> {
+    let still = &model.base().still;
+    let mut x = still.right.clone();
+    Cholesky::new(still.matrix.clone(), x.len())?.solve(&mut x);
+    Some(x)
+}
+
+/// Carries each of the best fits to where components take its own base, and the model to the best one's.
+fn carry_to_own_base(model: &mut dyn SeparableModel, policy: &SearchPolicy, fits: &mut [Fit]) {
+    let carried = policy.bases.min(fits.len());
+    for fit in &mut fits[..carried] {
+        for _ in 0..policy.carried {
+            model.linearise_about(&fit.base_values);
+            let again = fit_with_size(model, fit.members.clone(), &fit.precision_factor);
+            let Some(again) = again else { break };
+            let moved = (again.objective - fit.objective).abs();
+            *fit = again;
+            if moved < policy.alike {
+                break;
+            }
+        }
+    }
+    fits[..carried].sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    model.linearise_about(&fits[0].base_values);
 }
 
 /// A component at one of its starts with what it does there, made once.

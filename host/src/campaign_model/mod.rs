@@ -99,7 +99,7 @@ impl CampaignModel {
             witnesses.level_excess = runs.iter().map(excess).collect();
         }
         let coefficients = Coefficients {
-            scale_factor_v_per_g: scale_v_per_g,
+            scale_factor_v_per_g: 1.0,
             ..Coefficients::default()
         };
         let mut conditions = Conditions::new(campaign, &runs, &witnesses, coefficients);

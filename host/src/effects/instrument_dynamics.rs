@@ -155,6 +155,8 @@ fn saturate(
 ) {
     let change = &mut changes[0];
     let (low, high) = (p[1] - p[0], p[1] + p[0]);
+    // What is added is output over the scale factor that outputs are divided by; limits are of what the instrument feels.
+    let k1 = s.coefficients.scale_factor_v_per_g;
     // The starts of a search are too far apart for what is known so well.
     let ends = match fidelity {
         Fidelity::Screening => [None; 2],
@@ -171,7 +173,7 @@ fn saturate(
             return 0.0;
         }
         let u = output(a);
-        u.clamp(low, high) - u
+        k1 * (u.clamp(low, high) - u)
     };
     for (row, reading) in s.readings.iter().enumerate() {
         let a = reading.specific_force_g;
@@ -193,7 +195,7 @@ fn saturate(
             7.0 * swing
         };
         if let (VibrationKind::Random, Some(extremes_g)) = (run.kind, seen.extremes_g[row]) {
-            let [least, most] = beyond(extremes_g, [low, high], ends, alike(s));
+            let [least, most] = beyond(extremes_g, [k1 * low, k1 * high], ends, alike(s));
             change.add(Observable::Maximum, row, most);
             change.add(Observable::Minimum, row, least);
         }

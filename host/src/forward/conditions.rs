@@ -55,7 +55,7 @@ pub struct Conditions {
     pub averages: Arc<Averages>,
     /// Their bands.
     pub bands: Arc<Bands>,
-    /// Coefficients that the nominal model is believed to have.
+    /// Coefficients that the nominal model is believed to have; the scale factor over that by which outputs are divided.
     pub coefficients: Coefficients<f64>,
     /// Largest magnitude of each run's vibration along IA, g.
     pub peaks_g: Arc<[f64]>,

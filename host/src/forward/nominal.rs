@@ -9,11 +9,11 @@ use super::motion::Motion;
 use super::rows::RunConditions;
 use crate::campaign::VibrationKind;
 
-/// The coefficients behind the linear unknowns of (1), with a scale factor of 1.
+/// The coefficients behind the linear unknowns of (1); the scale factor is over that by which outputs are divided.
 pub fn coefficients(x: &[f64]) -> Coefficients<f64> {
     let k1 = x[0];
     let mut c: [f64; NOMINAL] = std::array::from_fn(|k| x[k] / k1);
-    c[0] = 1.0;
+    c[0] = k1;
     Coefficients::from_nominal(c)
 }
 
