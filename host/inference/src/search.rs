@@ -164,7 +164,7 @@ fn carry_to_own_base(model: &mut dyn SeparableModel, policy: &SearchPolicy, fits
             let Some(again) = again else { break };
             let moved = (again.objective - fit.objective).abs();
             *fit = again;
-            if moved < policy.alike {
+            if moved < 0.1 * policy.alike {
                 break;
             }
         }

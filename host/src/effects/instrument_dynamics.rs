@@ -1,13 +1,13 @@
 //! What the instrument's inner motion and its servo loop add.
 
 use inference::model::Fidelity;
+use shared::model::{Coefficients, SpecificForce};
 
 use super::identity::Stage;
 use super::{Action, Effect, even, linear, logarithmic};
 use crate::campaign::VibrationKind;
 use crate::forward::conditions::{Conditions, Witnesses};
 use crate::forward::contribution::{Contribution, Observable};
-use crate::forward::rows::RunConditions;
 
 pub(super) const EFFECTS: &[Effect] = &[
     // A loop whose gain falls as 1/f leaves the deflection theta = (i x)/(1 + i x) w_I, x = f/fc, and a pick-off that
@@ -89,62 +89,104 @@ fn alike(s: &Conditions) -> f64 {
     0.5 * s.peak_rel_error
 }
 
-/// The greatest and the least output of all runs, g, each if two random records or more end there.
+/// The greatest and the least output of all runs, g, each if two records or more end there.
 fn common_ends(s: &Conditions, seen: &Witnesses) -> [Option<f64>; 2] {
     let end = |sign: f64| {
-        let outward = |(run, extremes_g): (&RunConditions, &Option<[f64; 2]>)| {
-            let [least, most] = (*extremes_g)?;
-            Some((run.kind, sign * if sign > 0.0 { most } else { least }))
-        };
-        let runs = s.runs.iter().zip(&seen.extremes_g);
-        let ends: Vec<(VibrationKind, f64)> = runs.filter_map(outward).collect();
-        let end = ends.iter().map(|e| e.1).fold(f64::NEG_INFINITY, f64::max);
-        let there = |&&(kind, outward): &&(VibrationKind, f64)| {
-            kind == VibrationKind::Random && outward > end - alike(s) * end.abs()
-        };
-        (ends.iter().filter(there).count() > 1).then_some(sign * end)
+        let outward = |extremes_g: &[f64; 2]| sign * extremes_g[usize::from(sign > 0.0)];
+        let ends: Vec<f64> = seen.extremes_g.iter().flatten().map(outward).collect();
+        let end = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let there = ends.iter().filter(|&&e| e > end - alike(s) * end.abs());
+        (there.count() > 1).then_some(sign * end)
     };
     [end(1.0), end(-1.0)]
 }
 
-/// By how much the least and the greatest output of a random record must change to be at the limits, g. A limit inside them is
-/// none; where several records end alike, it is not outside either.
-fn beyond(
+/// Whether a random record ends, below and above, where several records do.
+fn at_ends(
     [least, most]: [f64; 2],
-    [low, high]: [f64; 2],
     [common_most, common_least]: [Option<f64>; 2],
     alike: f64,
-) -> [f64; 2] {
+) -> [bool; 2] {
     let there = |end: Option<f64>, extreme: f64| {
         end.is_some_and(|end| (extreme - end).abs() < alike * end.abs())
     };
-    let (below, above) = (low - least, high - most);
-    [
-        match there(common_least, least) {
-            true => below,
-            false => below.max(0.0),
-        },
-        match there(common_most, most) {
-            true => above,
-            false => above.min(0.0),
-        },
-    ]
+    [there(common_least, least), there(common_most, most)]
 }
 
-/// In units of the amplitude, where the output reaches an end: by steps from where the force does, since the model's error is small.
-fn reached(
-    end_g: f64,
-    a0: [f64; 3],
-    amplitude_g: [f64; 3],
-    output: impl Fn([f64; 3]) -> f64,
-) -> f64 {
-    let at = |w: f64| std::array::from_fn(|axis| a0[axis] + w * amplitude_g[axis]);
-    let linear = (end_g - a0[0]) / amplitude_g[0];
-    if !linear.is_finite() || linear.abs() > 8.0 {
-        return linear;
-    }
-    (0..3).fold(linear, |w, _| w + (end_g - output(at(w))) / amplitude_g[0])
+/// An output that is clipped.
+#[derive(Clone, Copy)]
+struct Clip<'s> {
+    coefficients: &'s Coefficients<f64>,
+    /// Limits of what the instrument feels, g.
+    low: f64,
+    high: f64,
 }
+
+impl Clip<'_> {
+    /// Output over the scale factor that outputs are divided by, of what the instrument feels.
+    fn scaled(&self, felt_g: f64) -> f64 {
+        self.coefficients.scale_factor_v_per_g * felt_g
+    }
+
+    fn felt_g(&self, [i, p, o]: [f64; 3]) -> f64 {
+        self.coefficients.output_g(SpecificForce::new(i, p, o))
+    }
+
+    /// Whether a range of forces is within the limits, whatever the model's own error: that moves the edge of clipping.
+    fn is_beyond(&self, least_g: f64, most_g: f64) -> bool {
+        least_g > self.low + 0.2 && most_g < self.high - 0.2
+    }
+
+    /// Clipped less whole output.
+    fn lost(&self, a: [f64; 3]) -> f64 {
+        if self.is_beyond(a[0], a[0]) {
+            return 0.0;
+        }
+        let u = self.felt_g(a);
+        self.scaled(u.clamp(self.low, self.high) - u)
+    }
+
+    /// In units of the amplitude, where the output reaches an end: by steps from where the force does, since the model's error is
+    /// small.
+    fn reached(&self, end_g: f64, a0: [f64; 3], amplitude_g: [f64; 3]) -> f64 {
+        let at = |w: f64| std::array::from_fn(|axis| a0[axis] + w * amplitude_g[axis]);
+        let linear = (end_g - a0[0]) / amplitude_g[0];
+        if !linear.is_finite() || linear.abs() > 8.0 {
+            return linear;
+        }
+        (0..3).fold(linear, |w, _| {
+            w + (end_g - self.felt_g(at(w))) / amplitude_g[0]
+        })
+    }
+
+    /// Of a random record with these extremes: by how much they must change to be at the limits. A limit inside them is none; one
+    /// outside them does not show in them, unless the record ends where several do.
+    fn moves(&self, extremes_g: [f64; 2], at_ends: [bool; 2]) -> [f64; 2] {
+        let least = self.scaled(self.low) - extremes_g[0];
+        let most = self.scaled(self.high) - extremes_g[1];
+        [
+            if at_ends[0] { least } else { least.max(0.0) },
+            if at_ends[1] { most } else { most.min(0.0) },
+        ]
+    }
+
+    /// The limits that a record with these extremes can have met: not those that are further out than `near` of them, relatively.
+    fn met(&self, extremes_g: [f64; 2], near: f64) -> Self {
+        let [least, most] = extremes_g;
+        let mut met = *self;
+        if self.scaled(self.low) < least - near * least.abs() {
+            met.low = f64::NEG_INFINITY;
+        }
+        if self.scaled(self.high) > most + near * most.abs() {
+            met.high = f64::INFINITY;
+        }
+        met
+    }
+}
+
+/// In units of what two extremes may differ by, how far beyond its extremes a limit was certainly not met by a record. More than one,
+/// so that a search finds its way from a limit that is a little off.
+const NOT_MET: f64 = 10.0;
 
 fn saturate(
     p: &[f64],
@@ -154,68 +196,51 @@ fn saturate(
     changes: &mut [Contribution],
 ) {
     let change = &mut changes[0];
-    let (low, high) = (p[1] - p[0], p[1] + p[0]);
-    // What is added is output over the scale factor that outputs are divided by; limits are of what the instrument feels.
-    let k1 = s.coefficients.scale_factor_v_per_g;
-    // The starts of a search are too far apart for what is known so well.
-    let ends = match fidelity {
-        Fidelity::Screening => [None; 2],
-        Fidelity::Full => common_ends(s, seen),
+    let clip = Clip {
+        coefficients: &s.coefficients,
+        low: p[1] - p[0],
+        high: p[1] + p[0],
     };
-    let output = |a: [f64; 3]| {
-        let force = shared::model::SpecificForce::new(a[0], a[1], a[2]);
-        s.coefficients.output_g(force)
-    };
-    // The model's own error moves the edge of clipping; far from the edges it need not be known.
-    let far = |least: f64, most: f64| least > low + 0.2 && most < high - 0.2;
-    let lost = |a: [f64; 3]| {
-        if far(a[0], a[0]) {
-            return 0.0;
-        }
-        let u = output(a);
-        k1 * (u.clamp(low, high) - u)
-    };
+    let ends = common_ends(s, seen);
     for (row, reading) in s.readings.iter().enumerate() {
         let a = reading.specific_force_g;
-        change.add(Observable::Static, row, lost([a.i, a.p, a.o]));
+        change.add(Observable::Static, row, clip.lost([a.i, a.p, a.o]));
     }
     for (row, (run, motion)) in s.runs.iter().zip(&s.motions).enumerate() {
-        let a0 = [
-            run.specific_force_g.i,
-            run.specific_force_g.p,
-            run.specific_force_g.o,
-        ];
-        let rest = lost(a0);
+        let a0 = run.specific_force_g;
+        let a0 = [a0.i, a0.p, a0.o];
+        let at = |w: f64| std::array::from_fn(|axis| a0[axis] + w * motion.amplitude_g[axis]);
+        let rest = clip.lost(a0);
         change.add(Observable::Before, row, rest);
         change.add(Observable::After, row, rest);
-        let swing = motion.amplitude_g[0].abs();
-        let reach = if run.kind == VibrationKind::Sine {
-            swing * (1.0 + motion.second_harmonic.abs())
-        } else {
-            7.0 * swing
-        };
-        if let (VibrationKind::Random, Some(extremes_g)) = (run.kind, seen.extremes_g[row]) {
-            let [least, most] = beyond(extremes_g, [k1 * low, k1 * high], ends, alike(s));
-            change.add(Observable::Maximum, row, most);
+        let mut clip = clip;
+        // The starts of a search are too far apart for what is known so well.
+        if let (VibrationKind::Random, Some(extremes_g), Fidelity::Full) =
+            (run.kind, seen.extremes_g[row], fidelity)
+        {
+            let at_ends = at_ends(extremes_g, ends, alike(s));
+            let [least, most] = clip.moves(extremes_g, at_ends);
             change.add(Observable::Minimum, row, least);
+            change.add(Observable::Maximum, row, most);
+            clip = clip.met(extremes_g, NOT_MET * s.peak_rel_error);
         }
-        if far(a0[0] - reach, a0[0] + reach) {
+        let swing = motion.amplitude_g[0].abs();
+        let reach = match run.kind {
+            VibrationKind::Sine => swing * (1.0 + motion.second_harmonic.abs()),
+            VibrationKind::Random => 7.0 * swing,
+        };
+        if clip.is_beyond(a0[0] - reach, a0[0] + reach) {
             continue;
         }
-        let edge = |end: f64| reached(end, a0, motion.amplitude_g, output);
-        let edges = [edge(low), edge(high)];
+        let edges = [clip.low, clip.high].map(|end| clip.reached(end, a0, motion.amplitude_g));
+        let lost = |a| clip.lost(a);
         let mean = s.averages.mean(run, motion, &edges, fidelity, lost);
         change.add(Observable::During, row, mean.value);
         change.variance_g2[row] += mean.variance;
         if run.kind == VibrationKind::Sine {
-            let at = |multiple: f64| {
-                lost(std::array::from_fn(|axis| {
-                    a0[axis] + multiple * motion.amplitude_g[axis]
-                }))
-            };
             let [most, least] = motion.extremes();
-            change.add(Observable::Maximum, row, at(most));
-            change.add(Observable::Minimum, row, at(least));
+            change.add(Observable::Maximum, row, clip.lost(at(most)));
+            change.add(Observable::Minimum, row, clip.lost(at(least)));
         }
     }
 }
