@@ -88,6 +88,13 @@ impl Default for SearchPolicy {
     }
 }
 
+impl SearchPolicy {
+    /// Whether a fit leaves so much that another component is looked for.
+    fn insufficient(&self, adequacy: &Adequacy) -> bool {
+        adequacy.p_value < self.misfit || adequacy.log_something_else > self.another_looked_for
+    }
+}
+
 /// A hypothesis with its standing.
 #[derive(Clone, Debug)]
 pub struct Hypothesis {
@@ -116,17 +123,25 @@ pub struct Search {
 pub fn search(model: &mut dyn SeparableModel, policy: &SearchPolicy) -> Option<Search> {
     let undisturbed = still_base(model)?;
     model.linearise_about(&undisturbed);
-    let null = fit_base(model)?;
+    let mut nothing = vec![fit_base(model)?];
+    carry_to_own_base(model, policy, &mut nothing);
+    let null = nothing.remove(0);
+    let families = model.smooth_families();
+    let null_adequacy = adequacy(model, &null, &families);
+    let mut base = null.clone();
+    if policy.insufficient(&null_adequacy) {
+        // What acts may have bent the base.
+        model.linearise_about(&undisturbed);
+        base = fit_base(model)?;
+    }
     let starts = Starts::new(model, policy);
     let seek = Seek {
         model,
         policy,
         starts: &starts,
     };
-    let mut fits = seek.add_to(&null, policy.closer_look);
+    let mut fits = seek.add_to(&base, policy.closer_look);
     fits.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-    let families = model.smooth_families();
-    let null_adequacy = adequacy(model, &null, &families);
     let best = fits.first();
     let promising = best.is_some_and(|best| best.log_evidence > null.log_evidence + policy.worth);
     if promising {
@@ -236,7 +251,7 @@ impl Seek<'_> {
             .judge(fits, families)
             .unwrap_or_else(|| null_adequacy.clone());
         for members in 2..=self.policy.most_members {
-            if !self.insufficient(&judged) {
+            if !self.policy.insufficient(&judged) {
                 break;
             }
             let bases = self.bases(fits, members - 1);
@@ -310,11 +325,6 @@ impl Seek<'_> {
     fn judge(&self, fits: &[Fit], families: &[Vec<Column>]) -> Option<Adequacy> {
         let best = self.most_probable(fits)?;
         Some(adequacy(self.model, &fits[best], families))
-    }
-
-    fn insufficient(&self, adequacy: &Adequacy) -> bool {
-        adequacy.p_value < self.policy.misfit
-            || adequacy.log_something_else > self.policy.another_looked_for
     }
 
     /// The best starts of every component on top of a fit, the most promising component first.

@@ -88,7 +88,7 @@ mod tests {
         let bench = VirtualBench::new(
             Seed(3),
             Static::Default,
-            Specification::default(),
+            Specification::with_dial_sigma(1.0),
             Vec::new(),
         );
         bench.simulate().campaign.runs
