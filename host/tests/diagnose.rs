@@ -92,7 +92,7 @@ fn misses(effect: &'static catalogue::Effect, seed: u64) -> Misses {
     // What the reference saw and how far the output went belongs to the campaign with the effect.
     let says = changed.prediction(&[member(effect.id, &with)], &truth);
     let nothing = model.prediction(&[], &truth);
-    let [now, then] = [&changed, &model].map(|m| &m.observations().observed().values);
+    let [now, then] = [&changed, &model].map(|m| m.observations().observed().to_vec());
     let mut misses = Misses {
         square: 0.0,
         error: 0.0,
@@ -292,7 +292,7 @@ fn a_prediction_learns_nothing_from_the_runs_that_it_predicts() {
 /// One round of the study's cases.
 fn study() -> &'static Scoreboard {
     static STUDY: OnceLock<Scoreboard> = OnceLock::new();
-    STUDY.get_or_init(|| blind_check(134, 17, &[], || {}).unwrap())
+    STUDY.get_or_init(|| blind_check(134, 96, 17, &[], || {}).unwrap())
 }
 
 #[test]
@@ -344,7 +344,7 @@ fn blind_check_gives_the_same_figures_whatever_the_number_of_threads() {
             .num_threads(threads)
             .build()
             .unwrap();
-        let board = pool.install(|| blind_check(4, 9, &[], || {})).unwrap();
+        let board = pool.install(|| blind_check(4, 96, 9, &[], || {})).unwrap();
         serde_json::to_string(&board).unwrap()
     };
     assert_eq!(board(1), board(3));

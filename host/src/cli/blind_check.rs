@@ -8,12 +8,15 @@ use crate::study::{ImperfectStudy, blind_check};
 /// Diagnose many simulated campaigns whose effect is withheld, and print how often it is found
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  vre blind-check --campaigns 250 --seed 1 --json scoreboard.json\n  vre blind-check --imperfect --count 4 --json imperfect.json\n  vre blind-check --imperfect --count 20 --imperfection session-bias:10"
+    after_help = "Examples:\n  vre blind-check --campaigns 250 --seed 1 --json scoreboard.json\n  vre blind-check --runs 12\n  vre blind-check --imperfect --count 4 --json imperfect.json\n  vre blind-check --imperfect --count 20 --imperfection session-bias:10"
 )]
 pub struct BlindCheck {
     /// How many campaigns; a whole round of effects and strengths is some 130
-    #[arg(long, default_value_t = 260)]
+    #[arg(long, default_value_t = 260, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     campaigns: u64,
+    /// Shaker runs of each campaign, the first of the plan's 96 in their random order
+    #[arg(long, default_value_t = 96, value_name = "N", value_parser = clap::value_parser!(u64).range(3..=96))]
+    runs: u64,
     /// Fixes everything that is random
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -22,7 +25,7 @@ pub struct BlindCheck {
     without: Vec<String>,
     /// Laboratories as they are: the imperfections of `vre simulate`, each with no effect, with one of visibility 300 and with one
     /// of 30; shares with 95 % intervals
-    #[arg(long, conflicts_with = "campaigns")]
+    #[arg(long, conflicts_with_all = ["campaigns", "runs"])]
     imperfect: bool,
     /// Campaigns of each imperfection with no effect, and with one of either visibility
     #[arg(long, default_value_t = 1, requires = "imperfect", value_parser = clap::value_parser!(u64).range(1..=10_000))]
@@ -38,7 +41,13 @@ impl Command for BlindCheck {
             return self.imperfect(console);
         }
         let bar = console.progress(self.campaigns, "diagnosing");
-        let board = blind_check(self.campaigns, self.seed, &self.without, || bar.inc(1))?;
+        let board = blind_check(
+            self.campaigns,
+            self.runs as usize,
+            self.seed,
+            &self.without,
+            || bar.inc(1),
+        )?;
         bar.finish_and_clear();
         console.print(board.text())?;
         console.json(&board)

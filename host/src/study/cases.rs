@@ -39,10 +39,12 @@ pub(super) struct Case {
     pub(super) kind: Kind,
     pub(super) effects: Vec<&'static str>,
     pub(super) visibility: f64,
+    /// Shaker runs that are made, of the plan's 96 in their random order.
+    pub(super) runs: usize,
 }
 
 /// The round of cases that a study goes through.
-pub(super) fn cases(without: &[String]) -> Vec<Case> {
+pub(super) fn cases(without: &[String], runs: usize) -> Vec<Case> {
     let known: Vec<&'static str> = catalogue::catalogue()
         .map(|effect| effect.id)
         .filter(|id| effects::find(id).is_some() && !without.iter().any(|w| w == id))
@@ -54,6 +56,7 @@ pub(super) fn cases(without: &[String]) -> Vec<Case> {
                 kind: Kind::Single,
                 effects: vec![id],
                 visibility,
+                runs,
             });
         }
         // Each effect once with one some way down the list.
@@ -62,11 +65,13 @@ pub(super) fn cases(without: &[String]) -> Vec<Case> {
             kind: Kind::Pair,
             effects: vec![id, partner],
             visibility: PAIR_VISIBILITY,
+            runs,
         });
         cases.push(Case {
             kind: Kind::Withheld,
             effects: vec![id],
             visibility: STRANGE_VISIBILITY,
+            runs,
         });
         let kind = if k % 2 == 0 {
             Kind::Nothing
@@ -77,6 +82,7 @@ pub(super) fn cases(without: &[String]) -> Vec<Case> {
             kind,
             effects: Vec::new(),
             visibility: 0.0,
+            runs,
         });
     }
     for entry in effects::catalogue().filter(|entry| catalogue::find(entry.id).is_none()) {
@@ -85,6 +91,7 @@ pub(super) fn cases(without: &[String]) -> Vec<Case> {
                 kind: Kind::OutsideCatalogue,
                 effects: vec![entry.id],
                 visibility,
+                runs,
             });
         }
     }
@@ -108,7 +115,9 @@ pub(super) fn simulate(case: &Case, seed: Seed, strengths: &[f64]) -> Simulation
                 .map(|entry| (entry.draw)(*strength, &mut stream))
         });
     let specification = Specification::with_dial_sigma(dial_sigma_arcsec);
-    VirtualBench::new(seed, plan, specification, drawn.collect()).simulate()
+    let mut simulation = VirtualBench::new(seed, plan, specification, drawn.collect()).simulate();
+    simulation.campaign.runs.truncate(case.runs);
+    simulation
 }
 
 /// Strengths that give each effect alone the visibility asked for; `None` if an effect cannot be seen so well.

@@ -19,18 +19,19 @@ pub use interval::Share;
 pub use scoreboard::Scoreboard;
 pub use trial::{Outcome, Score};
 
-/// Runs the study on `campaigns` campaigns; `without` are taken out of the catalogue throughout. `tick` is called after
-/// each.
+/// Runs the study on `campaigns` campaigns of so many shaker `runs` (96 at most); `without` are taken out of the catalogue
+/// throughout. `tick` is called after each.
 ///
 /// # Errors
 /// Those of [`crate::diagnose::diagnose`].
 pub fn blind_check(
     campaigns: u64,
+    runs: usize,
     seed: u64,
     without: &[String],
     tick: impl Fn() + Sync,
 ) -> Result<Scoreboard, Error> {
-    let cases = cases::cases(without);
+    let cases = cases::cases(without, runs);
     let one = |number: u64| {
         let outcome = trial::try_case(&cases[number as usize % cases.len()], number, seed, without);
         tick();
