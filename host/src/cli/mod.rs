@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 
 pub use console::Console;
 
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, table_file};
 use crate::capture::RECORD;
 use crate::error::{Error, printable};
 
@@ -183,24 +183,26 @@ fn read_campaign(folder: &Path, without: &[RowName], console: &Console) -> Resul
 }
 
 /// Files by which a folder holds a campaign.
-const CAMPAIGN_FILES: [&str; 5] = [
-    "campaign.toml",
-    "static.csv",
-    "positions.csv",
-    "vibration.csv",
-    RECORD,
-];
+const CAMPAIGN_FILES: [&str; 2] = ["campaign.toml", RECORD];
+
+/// Tables by which it does, whatever program wrote them.
+const TABLES: [&str; 3] = ["static", "positions", "vibration"];
 
 /// A folder that holds a campaign is not written into; `hint` tells what else can be done than to name another.
 fn refuse_campaign(folder: &Path, hint: &str) -> Result<(), Error> {
-    let mut names = CAMPAIGN_FILES.iter();
-    match names.find(|name| folder.join(name).exists()) {
-        Some(name) => Err(Error::Usage(format!(
-            "{}: holds {name} of a campaign already; name another folder{hint}",
-            folder.display()
-        ))),
-        None => Ok(()),
+    let files = CAMPAIGN_FILES.iter().map(|name| folder.join(name));
+    let tables = TABLES.iter().map(|stem| table_file(folder, stem));
+    for file in files.map(Ok).chain(tables) {
+        let file = file?;
+        if file.exists() {
+            let name = file.file_name().unwrap_or_default().display();
+            return Err(Error::Usage(format!(
+                "{}: holds {name} of a campaign already; name another folder{hint}",
+                folder.display()
+            )));
+        }
     }
+    Ok(())
 }
 
 /// A finite number greater than zero.
