@@ -78,6 +78,7 @@ impl Column {
             "arcsec" => "_arcsec",
             "Hz" => "_hz",
             "C" => "_c",
+            "g^2/Hz" => "_g2_per_hz",
             _ => "",
         };
         self.name.strip_suffix(suffix).unwrap_or(self.name)
@@ -95,8 +96,8 @@ pub struct Columns {
     pub columns: &'static [Column],
 }
 
-/// The tables of a campaign of one instrument, then those of a triad.
-pub static TABLES: [Columns; 4] = [
+/// The tables of a campaign of one instrument, those of a triad, then those of an environment.
+pub static TABLES: [Columns; 6] = [
     Columns {
         file: "static.csv",
         row: "one reading at a dial position",
@@ -116,6 +117,16 @@ pub static TABLES: [Columns; 4] = [
         file: "vibration.csv of a triad",
         row: "one shaker run of a triad",
         columns: TRIAD_RUNS,
+    },
+    Columns {
+        file: "a spectrum (vre predict --vibration psd:FILE)",
+        row: "one breakpoint, or one sine of psd+sine",
+        columns: SPECTRUM,
+    },
+    Columns {
+        file: "a mission (vre predict --mission FILE)",
+        row: "one point of the profile",
+        columns: MISSION,
     },
 ];
 
@@ -285,7 +296,7 @@ static STATIC: &[Column] = &[
         name: "approach",
         content: Content::Word(&["cw", "ccw"]),
         need: Required,
-        meaning: "sense in which the dial came to the mark: cw from smaller angles, ccw from larger ones",
+        meaning: "sense in which the dial came to the mark: ccw from smaller angles, cw from larger ones",
         example: "cw",
     },
     number(
@@ -432,7 +443,7 @@ static VIBRATION: &[Column] = &[
         &ranges::OUTPUT,
         Measured,
         "1.1998713",
-        "mean output before the vibration; empty in a run that is to be predicted",
+        "mean output before the vibration",
     ),
     number(
         "u_during_v",
@@ -704,4 +715,87 @@ static TRIAD_RUNS: &[Column] = &[
     number("sigma_y_v", &ranges::OUTPUT_SIGMA, Measured, "2e-6", "of y"),
     number("sigma_z_v", &ranges::OUTPUT_SIGMA, Measured, "2e-6", "of z"),
     EXCLUDE,
+];
+
+static SPECTRUM: &[Column] = &[
+    number(
+        "f_hz",
+        &ranges::FREQUENCY,
+        Required,
+        "20",
+        "frequency of the breakpoint, rising from row to row, or of the sine",
+    ),
+    number(
+        "psd_g2_per_hz",
+        &ranges::DENSITY,
+        Optional,
+        "0.04",
+        "one-sided density along --direction; straight between breakpoints on logarithmic axes",
+    ),
+    number(
+        "psd_i_g2_per_hz",
+        &ranges::DENSITY,
+        Optional,
+        "0.04",
+        "in the place of psd_g2_per_hz: density along the input axis, the same way",
+    ),
+    number(
+        "psd_p_g2_per_hz",
+        &ranges::DENSITY,
+        Optional,
+        "0.02",
+        "along the pendulous axis",
+    ),
+    number(
+        "psd_o_g2_per_hz",
+        &ranges::DENSITY,
+        Optional,
+        "0.02",
+        "along the output axis",
+    ),
+    number(
+        "corr_ip",
+        &ranges::CORRELATION,
+        Optional,
+        "0",
+        "real part of the coherence of input and pendulous axes, with its sign; 0 if absent",
+    ),
+    number(
+        "corr_io",
+        &ranges::CORRELATION,
+        Optional,
+        "0",
+        "of input and output axes",
+    ),
+    number(
+        "corr_po",
+        &ranges::CORRELATION,
+        Optional,
+        "0",
+        "of pendulous and output axes",
+    ),
+    number(
+        "sine_g",
+        &ranges::LEVEL,
+        Optional,
+        "",
+        "peak of a sine along --direction, in a row without densities",
+    ),
+];
+
+static MISSION: &[Column] = &[
+    number(
+        "time_s",
+        &ranges::TIME,
+        Required,
+        "0",
+        "time of the point, rising from row to row",
+    ),
+    number(
+        "level_g",
+        &ranges::MISSION_LEVEL,
+        Required,
+        "2",
+        "rms of the vibration then, all axes together; straight between points",
+    ),
 ];

@@ -13,12 +13,13 @@
 
 pub mod columns;
 mod config;
-mod keys;
+pub mod keys;
 mod kind;
 mod marks;
 mod plausibility;
 mod positions_table;
 pub mod ranges;
+mod spectrum_table;
 mod static_table;
 mod table;
 mod toml_file;
@@ -36,6 +37,9 @@ pub use kind::is_triad;
 pub use positions_table::TriadPosition;
 pub(crate) use positions_table::write as write_positions;
 pub use shared::tumble::Series;
+pub use spectrum_table::{
+    Breakpoint, Density, MissionPoint, SpectrumTable, read_mission, read_spectrum,
+};
 pub use static_table::{Approach, Reading, read_plan};
 pub use table::MAX_ROWS;
 pub use triad::{TriadBench, TriadCampaign, TriadConfig, TriadInstrument};

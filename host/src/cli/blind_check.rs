@@ -12,7 +12,7 @@ use crate::study::{ImperfectStudy, blind_check};
 )]
 pub struct BlindCheck {
     /// How many campaigns; a whole round of effects and strengths is some 130
-    #[arg(long, default_value_t = 260)]
+    #[arg(long, default_value_t = 260, value_parser = clap::value_parser!(u64).range(1..))]
     campaigns: u64,
     /// Fixes everything that is random
     #[arg(long, default_value_t = 1)]

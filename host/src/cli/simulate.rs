@@ -106,6 +106,11 @@ impl Command for Simulate {
                 self.strength.unwrap_or(1.0),
             )
         };
+        if self.strength.is_some() && ids.is_empty() {
+            return Err(Error::Usage(
+                "--strength needs an --effect other than none".into(),
+            ));
+        }
         if self.visibility.is_some() && ids.is_empty() && !sealed {
             return Err(Error::Usage(
                 "--visibility needs an --effect other than none".into(),

@@ -108,6 +108,11 @@ impl Conversion {
             ("g", "mg") => over(1e3),
             ("g", "ug" | "microg") => over(1e6),
             ("g", "m/s2" | "m/s^2" | "m/s\u{b2}" | "m/s/s" | "ms-2" | "m\u{b7}s-2") => over(G_M_S2),
+            ("g^2/Hz", "g2/Hz" | "g\u{b2}/Hz") => times(1.0),
+            (
+                "g^2/Hz",
+                "(m/s^2)^2/Hz" | "(m/s2)2/Hz" | "m2/s4/Hz" | "(m/s\u{b2})\u{b2}/Hz" | "m^2/s^3",
+            ) => over(G_M_S2 * G_M_S2),
             ("s", "sec" | "seconds") => times(1.0),
             ("s", "ms") => over(1e3),
             ("s", "us") => over(1e6),
