@@ -209,7 +209,7 @@ fn the_table_of_predictions_fits_eighty_columns_and_shows_directions() {
     for line in text.lines() {
         assert!(line.chars().count() <= 80, "{line}");
     }
-    assert!(text.contains(" along ") && text.contains("I+P+O"), "{text}");
+    assert!(text.contains(" along ") && text.contains(" I+O "), "{text}");
     let escapes = Command::cargo_bin("vre")
         .unwrap()
         .env("NO_COLOR", "1")

@@ -119,12 +119,12 @@ pub static TABLES: [Columns; 6] = [
         columns: TRIAD_RUNS,
     },
     Columns {
-        file: "a spectrum (vre predict --vibration psd:FILE)",
-        row: "one breakpoint, or one sine of psd+sine",
+        file: "a spectrum, psd:FILE",
+        row: "one breakpoint or sine",
         columns: SPECTRUM,
     },
     Columns {
-        file: "a mission (vre predict --mission FILE)",
+        file: "a mission, --mission FILE",
         row: "one point of the profile",
         columns: MISSION,
     },

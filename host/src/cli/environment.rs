@@ -1,10 +1,10 @@
 //! `vre predict --vibration`: a spectrum, sines on it, a mission, a limit.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{Console, positive};
-use crate::campaign::{Campaign, read_mission, read_spectrum};
+use crate::campaign::{Campaign, read_mission};
 use crate::environment::{
     self, EnvironmentPrediction, G_M_S2, Judgement, MissionError, Vibration, judge, mission,
 };
@@ -43,28 +43,6 @@ fn risk(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The vibration by its name on the command line.
-fn vibration(text: &str, direction: [f64; 3]) -> Result<Vibration, Error> {
-    let bad = |problem: &str| Error::Usage(format!("--vibration {text}: {problem}"));
-    let (kind, value) = text
-        .split_once(':')
-        .ok_or_else(|| bad("is none of sine:PEAK, random:RMS, psd:FILE, psd+sine:FILE"))?;
-    let level = || positive(value).map_err(|problem| bad(&problem));
-    match kind {
-        "sine" => Ok(Vibration::sine(level()?, 0.0, direction)),
-        "random" => Ok(Vibration::random(level()?, direction)),
-        "psd" | "psd+sine" => {
-            let table = read_spectrum(&PathBuf::from(value))?;
-            match (kind, table.sines.is_empty()) {
-                ("psd", false) => Err(bad("the table holds sines; name it psd+sine")),
-                ("psd+sine", true) => Err(bad("the table holds no sine; name it psd")),
-                _ => Ok(Vibration::of_table(&table, direction)),
-            }
-        }
-        _ => Err(bad("the kind is none of sine, random, psd, psd+sine")),
-    }
-}
-
 impl EnvironmentOptions {
     /// Predicts for `vibration`, the name of the environment.
     pub(super) fn predict(
@@ -74,7 +52,11 @@ impl EnvironmentOptions {
         prior_sigma: Option<f64>,
         console: &Console,
     ) -> Result<(), Error> {
-        let vibration = vibration(name, self.direction)?;
+        let vibration = Vibration::named(name, self.direction, Path::new(""))?;
+        let vibration = vibration.ok_or_else(|| {
+            let kinds = "none of sine:PEAK, random:RMS, psd:FILE, psd+sine:FILE";
+            Error::Usage(format!("--vibration {name}: is {kinds}"))
+        })?;
         let (fit, prior_sigma) = fit_determined(campaign, prior_sigma)?;
         let vre_g = environment::vre_g(&vibration, self.a0, &fit);
         let points = self.mission.as_deref().map(read_mission).transpose()?;

@@ -27,7 +27,8 @@ pub struct MissionError {
 const STEPS: usize = 16;
 
 /// The errors of a mission: the vibration is scaled to the level at each time. The velocity's uncertainty is that of the
-/// coefficients, which are the same all the time, and that of the noise's own mean square in a stretch of that length.
+/// coefficients, which are the same all the time, and what k2 makes of the scatter of a finite stretch's mean square on IA: over a
+/// time T its variance is the integral of the squared density over T.
 pub fn mission(
     vibration: &Vibration,
     points: &[MissionPoint],

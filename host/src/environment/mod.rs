@@ -3,6 +3,7 @@
 mod limit;
 mod mission;
 mod mixture;
+mod named;
 mod spectrum;
 
 pub use limit::{Judgement, Kept, judge};

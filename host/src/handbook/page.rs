@@ -93,21 +93,24 @@ fn rows(heads: &[&str; 4], entries: &[Entry]) -> String {
         "" => String::new(),
         text => format!("`{}`", cell(text)),
     };
-    let examples = entries.iter().any(|entry| !entry.example.is_empty());
-    let shown = if examples { 4 } else { 3 };
-    let head: Vec<&str> = heads.iter().take(shown).copied().collect();
-    let mut text = format!("| {} |\n|{}", head.join(" | "), "---|".repeat(shown));
-    for entry in entries {
-        let _ = write!(
-            text,
-            "\n| {} | {} | {} |",
+    // A column that no entry fills is left out.
+    let columns = |entry: &Entry| {
+        [
             code(&entry.name),
             cell(&entry.facts),
-            cell(&entry.text)
-        );
-        if examples {
-            let _ = write!(text, " {} |", code(&entry.example));
-        }
+            cell(&entry.text),
+            code(&entry.example),
+        ]
+    };
+    let all: Vec<[String; 4]> = entries.iter().map(columns).collect();
+    let filled = |column: &usize| all.iter().any(|row| !row[*column].is_empty());
+    let shown: Vec<usize> = (0..4).filter(filled).collect();
+    let line = |cells: Vec<&str>| format!("| {} |", cells.join(" | "));
+    let head = line(shown.iter().map(|column| heads[*column]).collect());
+    let mut text = format!("{head}\n|{}", "---|".repeat(shown.len()));
+    for row in &all {
+        let cells = shown.iter().map(|column| row[*column].as_str());
+        let _ = write!(text, "\n{}", line(cells.collect()));
     }
     text
 }
