@@ -1,7 +1,7 @@
 //! What makes an instrument compensate, from coefficients that identification or a diagnosis found; and whose they are.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use sha2::{Digest, Sha256};
@@ -11,12 +11,21 @@ use shared::wire::configuration::{
 };
 use shared::wire::message;
 
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, table_file};
 use crate::error::Error;
 use crate::front_end::FrontEnd;
 
+/// The head of a campaign.
+const HEAD: &str = "campaign.toml";
+
 /// Files of a campaign that its hash is of, in this order; one that is not there counts as empty.
-const FILES: [&str; 3] = ["campaign.toml", "static.csv", "vibration.csv"];
+///
+/// # Errors
+/// A table stands in two files.
+pub fn hashed_files(folder: &Path) -> Result<[PathBuf; 3], Error> {
+    let table = |stem| table_file(folder, stem);
+    Ok([folder.join(HEAD), table("static")?, table("vibration")?])
+}
 
 const SECONDS_A_DAY: u64 = 86_400;
 
@@ -31,11 +40,10 @@ pub fn provenance(folder: &Path, campaign: &Campaign) -> Result<Provenance, Erro
         let line = format!(
             "instrument.serial {serial:?}: the instrument keeps 1 to {NAME} printable bytes"
         );
-        Error::input(&folder.join(FILES[0]), line)
+        Error::input(&folder.join(HEAD), line)
     })?;
     let mut hash = Sha256::new();
-    for name in FILES {
-        let file = folder.join(name);
+    for file in hashed_files(folder)? {
         let content = match file.exists() {
             true => fs::read(&file).map_err(Error::read(&file))?,
             false => Vec::new(),

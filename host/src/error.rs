@@ -131,7 +131,7 @@ pub enum Problem {
     #[error("is empty")]
     Empty,
     /// The text does not read as a number.
-    #[error("\"{}\" is not a number", clip(.0))]
+    #[error("\"{}\" is not a number{}", clip(.0), if is_with_comma(.0) { "; its decimal sign must be a point here" } else { "" })]
     NotANumber(String),
     /// NaN, an infinity, or a number beyond the range of a double.
     #[error("\"{}\" is not a finite number", clip(.0))]
@@ -184,15 +184,17 @@ pub enum Problem {
     #[error("stands in the header twice")]
     DuplicateColumn,
     /// Bytes that are not UTF-8, as from an editor that saves Latin-1.
-    #[error("is not UTF-8 text")]
+    #[error("is not UTF-8 text; save the file as UTF-8")]
     NotUtf8,
     /// A row with more or fewer cells than the header.
-    #[error("has {found} cells, the header {expected}")]
+    #[error("has {found} cells, the header {expected}{}", if *commas { "; where commas are decimal signs, separate cells by semicolons" } else { "" })]
     RaggedRow {
         /// Cells in the row.
         found: u64,
         /// Cells in the header.
         expected: u64,
+        /// Whether commas part the cells, and too many do.
+        commas: bool,
     },
     /// A table without a single row under its header.
     #[error("has no rows")]
@@ -238,6 +240,11 @@ impl From<&str> for Problem {
     fn from(sentence: &str) -> Self {
         Self::Other(sentence.into())
     }
+}
+
+/// Whether a comma alone keeps a text from being a number.
+fn is_with_comma(text: &str) -> bool {
+    text.contains(',') && text.replacen(',', ".", 1).parse::<f64>().is_ok()
 }
 
 /// A number as a person writes it: very large and very small ones with an exponent.

@@ -51,8 +51,29 @@ impl fmt::Display for Quantity {
         let Some((value, sigma)) = self.known() else {
             return f.pad("undetermined");
         };
-        let text = concise(value, sigma);
-        f.pad(&text)
+        f.pad(&unsigned_zero(concise(value, sigma)))
+    }
+}
+
+/// A number with so many decimals, without a sign where it rounds to zero.
+pub fn fixed(value: f64, decimals: usize) -> String {
+    unsigned_zero(format!("{value:.decimals$}"))
+}
+
+/// A number with so many significant digits and no zeros behind them.
+pub fn significant(value: f64, digits: usize) -> String {
+    let rounded: f64 = format!("{value:.*e}", digits.saturating_sub(1))
+        .parse()
+        .unwrap_or(value);
+    unsigned_zero(crate::error::decimal(rounded))
+}
+
+/// Without the sign of a number whose digits before the uncertainty are all zero.
+fn unsigned_zero(text: String) -> String {
+    let digits = text.split(['(', 'e']).next().unwrap_or_default();
+    match text.strip_prefix('-') {
+        Some(rest) if !digits.contains(|c: char| ('1'..='9').contains(&c)) => rest.to_owned(),
+        _ => text,
     }
 }
 
@@ -98,11 +119,23 @@ mod tests {
             (1.4142e-9, 3.1e-12, "1.4142(31)e-9"),
             (0.2, 162.0, "0(160)"),
             (1.2e-6, 2.4e-4, "0.00000(24)"),
+            (-1.2e-6, 2.4e-4, "0.00000(24)"),
+            (-2e4, 4.3e6, "0(4300000)"),
+            (-1.0, 4.3e9, "0.0(4.3)e9"),
         ];
         for (value, sigma, expected) in cases {
             assert_eq!(Quantity::new(value, sigma).to_string(), expected);
         }
         assert_eq!(format!("{:>13}", Quantity::UNDETERMINED), " undetermined");
+    }
+
+    #[test]
+    fn zero_has_no_sign_and_a_level_only_the_digits_that_count() {
+        assert_eq!(fixed(-0.004, 2), "0.00");
+        assert_eq!(fixed(-0.006, 2), "-0.01");
+        assert_eq!(significant(2.000_000_000_4, 4), "2");
+        assert_eq!(significant(-0.0, 4), "0");
+        assert_eq!(significant(12.345_6, 4), "12.35");
     }
 
     #[test]

@@ -419,17 +419,17 @@ fn latin_1_is_named_with_its_row() {
     let folder = edited("static.csv", |table| latin(table, "22.5"));
     assert_eq!(
         complaint(folder.path()),
-        "static.csv, row 2, column temp_c: is not UTF-8 text"
+        "static.csv, row 2, column temp_c: is not UTF-8 text; save the file as UTF-8"
     );
     let folder = edited("static.csv", |table| latin(table, "temp_c"));
     assert_eq!(
         complaint(folder.path()),
-        "static.csv, row 1: is not UTF-8 text"
+        "static.csv, row 1: is not UTF-8 text; save the file as UTF-8"
     );
     let folder = edited("campaign.toml", |text| latin(text, "A1"));
     assert_eq!(
         complaint(folder.path()),
-        "campaign.toml, row 4: is not UTF-8 text"
+        "campaign.toml, row 4: is not UTF-8 text; save the file as UTF-8"
     );
 }
 

@@ -5,7 +5,9 @@ mod common;
 use std::fs;
 
 use host::campaign::{Campaign, Reading, Series};
-use host::report::{self, Report, Severity};
+use sha2::{Digest, Sha256};
+
+use host::report::{self, Report, Severity, Supplement};
 
 /// The common campaign with the paper's 24 positions only.
 fn paper_plan() -> Campaign {
@@ -18,7 +20,7 @@ fn paper_plan() -> Campaign {
 
 fn page(campaign: &Campaign) -> String {
     let folder = tempfile::tempdir().unwrap();
-    report::write(campaign, folder.path()).unwrap();
+    report::write(campaign, Supplement::default(), folder.path()).unwrap();
     fs::read_to_string(folder.path().join("report.html")).unwrap()
 }
 
@@ -161,7 +163,7 @@ fn campaign_without_shaker_runs_gives_a_page_that_says_so() {
 fn all_files_are_written_and_json_names_its_format() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("new/report");
-    report::write(&common::campaign(), &out).unwrap();
+    report::write(&common::campaign(), Supplement::default(), &out).unwrap();
     for (file, format) in [
         ("identification.json", "vre-identification/1"),
         ("prediction.json", "vre-prediction/1"),
@@ -171,4 +173,81 @@ fn all_files_are_written_and_json_names_its_format() {
         assert_eq!(json["format"], format);
     }
     assert!(out.join("report.html").is_file());
+}
+
+#[test]
+fn the_head_is_a_certificate_with_hashes_and_a_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut campaign = common::campaign();
+    campaign.write(folder.path()).unwrap();
+    let certificate = |campaign: &Campaign| {
+        campaign.write(folder.path()).unwrap();
+        let out = folder.path().join("report");
+        let supplement = Supplement {
+            folder: Some(folder.path()),
+            study: None,
+        };
+        report::write(campaign, supplement, &out).unwrap();
+        fs::read_to_string(out.join("report.html")).unwrap()
+    };
+    let bare = certificate(&campaign);
+    assert!(bare.contains("Operator</th><td>not stated"), "{bare}");
+    assert!(bare.contains("Limit of the vibration error</th><td>not stated"));
+    let table = fs::read(folder.path().join("static.csv")).unwrap();
+    let hash: String = Sha256::digest(&table)
+        .iter()
+        .map(|b| format!("{b:02x}"))
+        .collect();
+    assert!(bare.contains(&hash));
+    for (limit_g, verdict) in [(1.0, "pass"), (1e-9, "fail")] {
+        let limits = format!("vre_g = {limit_g}\nenvironment = \"random:2\"");
+        campaign.config.limits = Some(toml::from_str(&limits).unwrap());
+        campaign.config.record =
+            Some(toml::from_str("operator = \"N. N.\"\ndate = 2026-05-14").unwrap());
+        let page = certificate(&campaign);
+        assert!(
+            page.contains(&format!("class=\"verdict {verdict}\"")),
+            "{verdict}"
+        );
+        assert!(page.contains("N. N.") && page.contains("2026-05-14"));
+    }
+    campaign.config.limits = Some(toml::from_str("vre_g = 1\nenvironment = \"a lorry\"").unwrap());
+    assert!(certificate(&campaign).contains("not judged"));
+}
+
+/// Contents lead to sections that are there, marks tell their run, folded cells their column.
+#[test]
+fn every_link_leads_somewhere_and_every_mark_of_a_run_tells_it() {
+    let page = page(&common::campaign());
+    let (_, tags) = parsed(&page);
+    let attribute = |tag: &String, name: &str| {
+        let rest = tag.split_once(&format!("{name}=\""))?.1;
+        Some(rest.split_once('"')?.0.to_owned())
+    };
+    let links: Vec<String> = tags
+        .iter()
+        .filter_map(|tag| attribute(tag, "href"))
+        .collect();
+    assert!(links.len() > 6, "{links:?}");
+    for link in links {
+        let target = link.strip_prefix('#').unwrap();
+        assert!(page.contains(&format!("id=\"{target}\"")), "{link}");
+    }
+    for run in &common::campaign().runs[..2] {
+        assert!(page.contains(&format!(
+            "<title>run {}, row {} of vibration</title>",
+            run.run, run.line
+        )));
+    }
+    let folded = page
+        .split("class=\"fold")
+        .skip(1)
+        .map(|table| table.split("</table>").next().unwrap());
+    for table in folded {
+        let cells = table.matches("<td").count();
+        assert!(
+            cells > 0 && cells == table.matches("data-label").count(),
+            "{table}"
+        );
+    }
 }

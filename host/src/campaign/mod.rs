@@ -8,16 +8,18 @@
 //!
 //! A triad has `positions.csv` instead of `static.csv`: [`TriadCampaign`].
 //!
-//! Tables are UTF-8, comma-separated, with LF or CRLF; columns are found by name, in any order; unknown
-//! columns are kept and written back. A row marked `exclude` is kept and not used. Whatever is wrong is told with file, row and column.
+//! Tables are UTF-8 text in any dialect, or a sheet of a workbook; columns are found by name, in any order, with a unit behind it
+//! or not; unknown columns are kept and written back. A row marked `exclude` is kept and not used. Whatever is wrong is told with file, row and column.
 
+pub mod columns;
 mod config;
-mod keys;
+pub mod keys;
 mod kind;
 mod marks;
 mod plausibility;
 mod positions_table;
 pub mod ranges;
+mod spectrum_table;
 mod static_table;
 mod table;
 mod toml_file;
@@ -27,15 +29,19 @@ mod vibration_table;
 
 use std::collections::HashMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+pub use crate::import::MAX_ROW_BYTES;
 pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Limits, Record, Shaker};
 pub use kind::is_triad;
 pub use positions_table::TriadPosition;
 pub(crate) use positions_table::write as write_positions;
 pub use shared::tumble::Series;
+pub use spectrum_table::{
+    Breakpoint, Density, MissionPoint, SpectrumTable, read_mission, read_spectrum,
+};
 pub use static_table::{Approach, Reading, read_plan};
-pub use table::{MAX_ROW_BYTES, MAX_ROWS};
+pub use table::MAX_ROWS;
 pub use triad::{TriadBench, TriadCampaign, TriadConfig, TriadInstrument};
 pub use triad_runs::{TriadMeasured, TriadRun, read as read_triad_runs};
 pub use vibration_table::{
@@ -47,7 +53,6 @@ use crate::error::{Error, Place, Problem, decimal};
 use crate::median::median;
 use crate::output::write_file;
 use table::Row;
-pub(crate) use table::{RowSource, read_error};
 
 /// All the measurements of one instrument.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,8 +75,8 @@ impl Campaign {
             return Err(Error::input(folder, "is not a campaign folder"));
         }
         let config = CampaignConfig::read(&folder.join("campaign.toml"))?;
-        let readings = static_table::read(&folder.join("static.csv"), &config)?;
-        let vibration = folder.join("vibration.csv");
+        let readings = static_table::read(&table_file(folder, "static")?, &config)?;
+        let vibration = table_file(folder, "vibration")?;
         let runs = match vibration.exists().then(|| read_runs(&vibration, &config)) {
             // A header without rows is a shaker test that was not made.
             None
@@ -83,7 +88,7 @@ impl Campaign {
         };
         if readings.iter().all(|reading| reading.exclude) {
             let problem = "every reading is excluded";
-            return Err(Error::input(&folder.join("static.csv"), problem));
+            return Err(Error::input(&table_file(folder, "static")?, problem));
         }
         Ok(Self {
             config,
@@ -129,6 +134,26 @@ impl Campaign {
             fs::remove_file(&vibration).map_err(Error::write(&vibration))?;
         }
         Ok(())
+    }
+}
+
+/// Ends of the name of a table's file, in the order in which they are written most.
+const ENDS: [&str; 6] = ["csv", "tsv", "txt", "xlsx", "ods", "xls"];
+
+/// The file of a table in a campaign's `folder`: `static.csv`, or one of that name that another program wrote.
+///
+/// # Errors
+/// There are two.
+pub(crate) fn table_file(folder: &Path, stem: &str) -> Result<PathBuf, Error> {
+    let named = ENDS.map(|end| folder.join(format!("{stem}.{end}")));
+    let mut there = named.iter().filter(|file| file.exists());
+    match (there.next(), there.next()) {
+        (Some(one), Some(other)) => {
+            let other = other.file_name().unwrap_or_default().display();
+            let problem = format!("stands beside {other}; keep one of them");
+            Err(Error::input(one, problem))
+        }
+        (found, _) => Ok(found.unwrap_or(&named[0]).clone()),
     }
 }
 

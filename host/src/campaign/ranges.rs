@@ -191,6 +191,8 @@ ranges! {
     DEGREES_OF_FREEDOM = positive("degrees of freedom", "", 1e-3, 1e9);
     RELATIVE_SIGMA = zero_or("relative standard uncertainty", "", 1e-12, 1.0);
     G_SIGMA = zero_or("standard uncertainty or noise", "g", 1e-12, 1e3);
+    DENSITY = positive("spectral density", "g^2/Hz", 1e-15, 1e6);
+    MISSION_LEVEL = zero_or("level of a mission", "g", 1e-6, 1e4);
     VRE_LIMIT = positive("limit of the vibration error", "g", 1e-12, 1e3);
 }
 

@@ -1,27 +1,34 @@
-//! A CSV table with columns found by name, read row by row, whose errors name file, row and column.
+//! A table with columns found by name, read row by row, whose errors name file, row and column.
 
-use std::collections::{HashSet, VecDeque};
-use std::fs::File;
-use std::io::{self, Read};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use csv::StringRecord;
+use csv::{ByteRecord, StringRecord};
 
+use super::columns::Heading;
 use super::ranges::Range;
 use crate::error::{Error, Place, Problem, printable};
+use crate::import::{Conversion, Source, iso_time};
 
 /// Most rows that a table may have. A campaign has some hundreds; a file of millions is not one.
 pub const MAX_ROWS: u64 = 100_000;
 
-/// Most bytes that one row may have, so that a file without line ends does not fill the memory.
-pub const MAX_ROW_BYTES: usize = 1 << 20;
-
 /// An open table.
 pub(super) struct Table {
     file: PathBuf,
-    columns: Vec<String>,
-    reader: csv::Reader<RowSource<File>>,
+    columns: Vec<Column>,
+    source: Source,
     rows: u64,
+}
+
+/// A column as it is written, and what it is.
+struct Column {
+    /// As the header writes it, for errors.
+    written: String,
+    /// The name of the campaign's format; as written where that knows none.
+    name: String,
+    /// From the unit that is written to that of the name.
+    conversion: Conversion,
 }
 
 impl Table {
@@ -32,25 +39,18 @@ impl Table {
         required: &[&str],
         together: &[&[&str]],
     ) -> Result<Self, Error> {
-        let source = File::open(file).map_err(Error::read(file))?;
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_reader(RowSource::new(source));
-        let header = reader
-            .headers()
-            .map_err(|error| read_error(file, &[], error, Some(1)))?;
-        let columns: Vec<String> = header.iter().map(str::to_owned).collect();
-        if columns.iter().all(|name| name.is_empty()) {
-            return Err(Error::input(file, Problem::EmptyFile));
-        }
+        let is_column = |cell: &str, name: &str| Heading::parse(cell).is(name);
+        let source = Source::open(file, required, is_column)?;
+        let columns = columns(file, &source)?;
         let place = |column: &str| Place {
             column: Some(column.into()),
             ..Place::file(file)
         };
         let mut seen = HashSet::new();
-        if let Some(twice) = columns.iter().find(|name| !seen.insert(name.as_str())) {
+        let mut named = columns.iter().filter(|column| !column.name.is_empty());
+        if let Some(twice) = named.find(|column| !seen.insert(column.name.as_str())) {
             return Err(Error::Input {
-                place: place(twice),
+                place: place(&twice.name),
                 problem: Problem::DuplicateColumn,
             });
         }
@@ -77,60 +77,101 @@ impl Table {
         Ok(Self {
             file: file.into(),
             columns,
-            reader,
+            source,
             rows: 0,
         })
     }
 
-    /// The next row, or none after the last. A table without rows, or with more than [`MAX_ROWS`], is an
+    /// The next row that is not blank, or none after the last. A table without rows, or with more than [`MAX_ROWS`], is an
     /// error.
     pub(super) fn next_row(&mut self) -> Result<Option<Row<'_>>, Error> {
-        let byte = self.reader.position().byte();
-        self.reader.get_mut().begin_row(byte);
-        let mut record = StringRecord::new();
-        let more = self.reader.read_record(&mut record).map_err(|error| {
-            let line = error
-                .position()
-                .and_then(|at| self.reader.get_ref().line(at));
-            read_error(&self.file, &self.columns, error, line)
-        })?;
-        if !more {
-            return match self.rows {
-                0 => Err(Error::input(&self.file, Problem::NoRows)),
-                _ => Ok(None),
-            };
+        let mut record = ByteRecord::new();
+        loop {
+            if !self.source.read(&mut record)? {
+                return match self.rows {
+                    0 => Err(Error::input(&self.file, Problem::NoRows)),
+                    _ => Ok(None),
+                };
+            }
+            if record.iter().any(|cell| !cell.is_empty()) {
+                break;
+            }
         }
         self.rows += 1;
         if self.rows > MAX_ROWS {
             return Err(Error::input(&self.file, Problem::TooManyRows(MAX_ROWS)));
         }
+        let line = self.source.line(&record);
+        let record = StringRecord::from_byte_record(record).map_err(|error| {
+            let column = self.columns.get(error.utf8_error().field());
+            let place = Place {
+                file: self.file.clone(),
+                row: line,
+                column: column.map(|column| column.written.clone()),
+            };
+            let problem = Problem::NotUtf8;
+            Error::Input { place, problem }
+        })?;
         Ok(Some(Row {
             table: self,
             record,
+            line: line.unwrap_or(0),
         }))
     }
+}
+
+/// The columns of a header, each with its unit where the header or a row under it states one.
+fn columns(file: &Path, source: &Source) -> Result<Vec<Column>, Error> {
+    let dialect = source.dialect();
+    let place = |column: Option<&str>| Place {
+        file: file.into(),
+        row: Some(dialect.header_line),
+        column: column.map(str::to_owned),
+    };
+    if !source.header_is_utf8() {
+        return Err(Error::Input {
+            place: place(None),
+            problem: Problem::NotUtf8,
+        });
+    }
+    let column = |(index, written): (usize, &String)| {
+        let mut heading = Heading::parse(written);
+        if let Some(unit) = dialect.units.get(index) {
+            heading = heading.with_unit(unit);
+        }
+        let (name, conversion) = heading.resolve().map_err(|problem| Error::Input {
+            place: place(Some(written)),
+            problem,
+        })?;
+        Ok(Column {
+            name: name.map_or_else(|| written.clone(), str::to_owned),
+            written: written.clone(),
+            conversion,
+        })
+    };
+    source.header().iter().enumerate().map(column).collect()
 }
 
 /// One row of a table.
 pub(super) struct Row<'t> {
     table: &'t Table,
     record: StringRecord,
+    line: u64,
 }
 
 impl Row<'_> {
-    /// Line number in the file; the header is line 1.
+    /// Line number in the file, or row of the sheet; the header is line 1 where nothing stands before it.
     pub(super) fn line(&self) -> u64 {
-        let source = self.table.reader.get_ref();
-        let position = self.record.position();
-        position.and_then(|at| source.line(at)).unwrap_or(0)
+        self.line
     }
 
     /// An error at `column` of this row.
     pub(super) fn error(&self, column: &str, problem: impl Into<Problem>) -> Error {
+        let written = self.table.columns.iter().find(|known| known.name == column);
         let place = Place {
             file: self.table.file.clone(),
             row: Some(self.line()),
-            column: Some(column.into()),
+            column: Some(written.map_or(column, |known| &known.written).into()),
         };
         Error::Input {
             place,
@@ -138,9 +179,14 @@ impl Row<'_> {
         }
     }
 
+    fn index_of(&self, column: &str) -> Option<usize> {
+        let mut columns = self.table.columns.iter();
+        columns.position(|known| known.name == column)
+    }
+
     /// The cell's text; `None` if it is empty or the table has no such column.
     pub(super) fn text(&self, column: &str) -> Option<&str> {
-        let index = self.table.columns.iter().position(|name| name == column)?;
+        let index = self.index_of(column)?;
         self.record.get(index).filter(|cell| !cell.is_empty())
     }
 
@@ -153,15 +199,26 @@ impl Row<'_> {
     /// A number within its range.
     pub(super) fn number(&self, column: &str, range: &'static Range) -> Result<f64, Error> {
         let text = self.required(column)?;
-        let value: f64 = text
-            .parse()
-            .map_err(|_| self.error(column, Problem::NotANumber(text.into())))?;
-        if !value.is_finite() {
-            return Err(self.error(column, Problem::NotFinite(text.into())));
-        }
+        let number = self.table.source.dialect().number(text);
+        let time_s = || match range.unit {
+            "s" => iso_time(text).map(|(day, seconds)| 86_400.0 * day as f64 + seconds),
+            _ => None,
+        };
+        let value = match number {
+            Some(number) if number.is_finite() => self.converted(column, number),
+            Some(_) => return Err(self.error(column, Problem::NotFinite(text.into()))),
+            None => time_s().ok_or_else(|| self.error(column, Problem::NotANumber(text.into())))?,
+        };
         range
             .check(value)
             .map_err(|problem| self.error(column, problem))
+    }
+
+    fn converted(&self, column: &str, number: f64) -> f64 {
+        let column = self
+            .index_of(column)
+            .map(|index| &self.table.columns[index]);
+        column.map_or(number, |column| column.conversion.of(number))
     }
 
     /// A number within its range; `None` if the cell is empty or the table has no such column.
@@ -241,131 +298,12 @@ impl Row<'_> {
             })
     }
 
-    /// Names and cells of the columns that are not among the `known`.
+    /// Names and cells of the columns that are not among the `known`, but for cells of no name that are empty.
     pub(super) fn unknown(&self, known: &[&str]) -> Vec<(String, String)> {
         std::iter::zip(&self.table.columns, &self.record)
-            .filter(|(name, _)| !known.contains(&name.as_str()))
-            .map(|(name, cell)| (name.clone(), cell.to_owned()))
+            .filter(|(column, cell)| !(column.name.is_empty() && cell.is_empty()))
+            .filter(|(column, _)| !known.contains(&column.name.as_str()))
+            .map(|(column, cell)| (column.name.clone(), cell.to_owned()))
             .collect()
-    }
-}
-
-/// `line` is where the row stands, [`RowSource::line`] of the error's position.
-pub(crate) fn read_error(
-    file: &Path,
-    columns: &[String],
-    error: csv::Error,
-    line: Option<u64>,
-) -> Error {
-    let place = |column: Option<usize>| Place {
-        file: file.into(),
-        row: line,
-        column: column.and_then(|index| columns.get(index)).cloned(),
-    };
-    match error.kind() {
-        csv::ErrorKind::Utf8 { err, .. } => Error::Input {
-            place: place(Some(err.field())),
-            problem: Problem::NotUtf8,
-        },
-        csv::ErrorKind::UnequalLengths {
-            expected_len, len, ..
-        } => Error::Input {
-            place: place(None),
-            problem: Problem::RaggedRow {
-                found: *len,
-                expected: *expected_len,
-            },
-        },
-        _ => match error.into_kind() {
-            csv::ErrorKind::Io(source) => Error::Read {
-                file: file.into(),
-                source,
-            },
-            other => Error::input(file, format!("{other:?}")),
-        },
-    }
-}
-
-/// A source of rows that gives up when a row does not end, and knows the file's lines. The CSV reader's own count of lines
-/// is wrong after CR LF and after blank lines.
-pub(crate) struct RowSource<R> {
-    source: R,
-    since_row: usize,
-    /// What was read and may still be asked for, in order.
-    chunks: VecDeque<Vec<u8>>,
-    /// Offset of the first chunk in the file.
-    start: u64,
-    /// Line at that offset, from 1.
-    line: u64,
-    /// The byte before it.
-    before: u8,
-}
-
-impl<R> RowSource<R> {
-    pub(crate) fn new(source: R) -> Self {
-        Self::from_line(source, 1)
-    }
-
-    /// Of a source that begins with a later line of its file.
-    pub(crate) fn from_line(source: R, line: u64) -> Self {
-        Self {
-            source,
-            since_row: 0,
-            chunks: VecDeque::new(),
-            start: 0,
-            line,
-            before: 0,
-        }
-    }
-
-    /// To be called before each row; `byte` is where the CSV reader stands.
-    pub(crate) fn begin_row(&mut self, byte: u64) {
-        self.since_row = 0;
-        while let Some(chunk) = self.chunks.front()
-            && self.start + chunk.len() as u64 <= byte
-        {
-            for &next in chunk {
-                self.line += u64::from(ends_line(self.before, next));
-                self.before = next;
-            }
-            self.start += chunk.len() as u64;
-            self.chunks.pop_front();
-        }
-    }
-
-    /// Line of the row that the CSV reader found at `position`, from 1: blank lines before it are not of it. `None` of a row
-    /// that was left behind.
-    pub(crate) fn line(&self, position: &csv::Position) -> Option<u64> {
-        let until = position.byte().checked_sub(self.start)?;
-        let (mut line, mut before) = (self.line, self.before);
-        for (offset, &next) in self.chunks.iter().flatten().enumerate() {
-            if offset as u64 >= until && !matches!(next, b'\r' | b'\n') {
-                break;
-            }
-            line += u64::from(ends_line(before, next));
-            before = next;
-        }
-        Some(line)
-    }
-}
-
-/// Whether `next` ends a line: a line feed, or a carriage return which a line feed may follow.
-fn ends_line(before: u8, next: u8) -> bool {
-    next == b'\r' || (next == b'\n' && before != b'\r')
-}
-
-impl<R: Read> Read for RowSource<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.since_row > MAX_ROW_BYTES {
-            return Err(io::Error::new(
-                io::ErrorKind::InvalidData,
-                format!("a row has more than {MAX_ROW_BYTES} bytes"),
-            ));
-        }
-        let count = self.source.read(buffer)?;
-        self.since_row += count;
-        self.chunks
-            .extend((count > 0).then(|| buffer[..count].to_vec()));
-        Ok(count)
     }
 }

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 use super::config::FORMAT;
 use super::kind::TRIAD;
 use super::positions_table::{self, TriadPosition};
-use super::ranges;
 use super::toml_file::read_toml;
 use super::triad_runs::{self, TriadRun};
+use super::{ranges, table_file};
 use crate::error::{Error, Place, Problem, printable};
 use crate::output::write_file;
 
@@ -162,8 +162,8 @@ impl TriadCampaign {
     /// The first thing wrong in `campaign.toml`, `positions.csv` and `vibration.csv`, in this order.
     pub fn read(folder: &Path) -> Result<Self, Error> {
         let config = TriadConfig::read(&folder.join("campaign.toml"))?;
-        let positions = positions_table::read(&folder.join("positions.csv"))?;
-        let vibration = folder.join("vibration.csv");
+        let positions = positions_table::read(&table_file(folder, "positions")?)?;
+        let vibration = table_file(folder, "vibration")?;
         let runs = match vibration.exists().then(|| triad_runs::read(&vibration)) {
             None
             | Some(Err(Error::Input {

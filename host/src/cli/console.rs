@@ -1,5 +1,6 @@
 //! Where a command's results go: text for people, JSON for programs, progress on the terminal.
 
+use std::ffi::OsString;
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -23,6 +24,21 @@ pub struct Console {
 }
 
 impl Console {
+    /// Of arguments that could not be parsed: where they say that JSON goes.
+    pub(super) fn of_arguments(arguments: &[OsString]) -> Self {
+        let mut rest = arguments.iter();
+        let json = rest.find_map(
+            |argument| match argument.to_str()?.strip_prefix("--json")? {
+                "" => Some(None),
+                file => file.strip_prefix('=').map(|file| Some(PathBuf::from(file))),
+            },
+        );
+        Self {
+            json: json.and_then(|file| file.or_else(|| rest.next().map(PathBuf::from))),
+            quiet: false,
+        }
+    }
+
     /// Prints `text`, which ends its last line itself or not, for people.
     ///
     /// # Errors

@@ -65,7 +65,11 @@ impl Command for Demo {
         let captured = capture::capture_virtual(&bench, &campaign_folder, || bar.inc(1))?;
         bar.finish_and_clear();
 
-        let report = report::write(&captured.campaign, &self.out)?;
+        let supplement = report::Supplement {
+            folder: Some(&campaign_folder),
+            study: None,
+        };
+        let report = report::write(&captured.campaign, supplement, &self.out)?;
         console.print(self.text(&captured, &report, &truth))?;
         console.json(&report.prediction)
     }

@@ -142,7 +142,8 @@ fn text(found: &Identification) -> String {
 
 /// A direction of the coefficients for people: a sum of them.
 pub fn sum(direction: &BTreeMap<&str, f64>) -> String {
-    let parts = direction.iter();
+    // A part that shows as zero is none.
+    let parts = direction.iter().filter(|(_, c)| c.abs() >= 5e-5);
     let parts: Vec<_> = parts.map(|(name, c)| format!("{c:+.4} {name}")).collect();
     parts.join("  ")
 }

@@ -4,19 +4,21 @@
 //! `commands!`.
 
 mod console;
+mod environment;
 mod triad;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
+use serde::Serialize;
 
 pub use console::Console;
 
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, table_file};
 use crate::capture::RECORD;
 use crate::error::{Error, printable};
 
@@ -51,7 +53,10 @@ commands! {
     configure::Configure,
     demo::Demo,
     blind_check::BlindCheck,
+    completions::Completions,
     diagnose::Diagnose,
+    effects::Effects,
+    help::Help,
     identify::Identify,
     measure::Measure,
     paper::Paper,
@@ -60,6 +65,7 @@ commands! {
     report::Report,
     rests::Rests,
     simulate::Simulate,
+    template::Template,
     unseal::Unseal,
     verify::Verify,
 }
@@ -71,7 +77,8 @@ commands! {
     name = "vre",
     version,
     arg_required_else_help = true,
-    propagate_version = true
+    propagate_version = true,
+    disable_help_subcommand = true
 )]
 struct Arguments {
     #[command(flatten)]
@@ -80,11 +87,18 @@ struct Arguments {
     command: Subcommands,
 }
 
+/// Columns of text that is not fitted to a terminal.
+const COLUMNS: usize = 80;
+
 /// Runs the command with its `arguments`, the first being the program's name. Exit status: 0 done, 2 bad
-/// usage or bad input, 1 anything else; a failure is one line on standard error.
+/// usage or bad input, 1 anything else; a failure is one line on standard error, and an object where `--json` says.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let outcome = match Arguments::try_parse_from(arguments) {
-        Ok(Arguments { console, command }) => command.run(&console),
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let (console, outcome) = match Arguments::try_parse_from(&arguments) {
+        Ok(Arguments { console, command }) => {
+            let outcome = command.run(&console);
+            (console, outcome)
+        }
         Err(error) => match error.kind() {
             ErrorKind::DisplayHelp
             | ErrorKind::DisplayVersion
@@ -93,7 +107,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
                 let _ = error.print();
                 return ExitCode::from(error.exit_code() as u8);
             }
-            _ => Err(Error::Usage(usage_line(&error))),
+            _ => {
+                let failure = Error::Usage(usage_line(&error));
+                (Console::of_arguments(&arguments), Err(failure))
+            }
         },
     };
     match outcome {
@@ -103,8 +120,57 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             let line = printable(&error.to_string().replace(char::is_control, " "));
             // With standard error closed, the exit status is all that is left to say it.
             let _ = writeln!(io::stderr(), "error: {line}");
+            let _ = console.json(&Failure::new(&error, line));
             ExitCode::from(error.exit_status())
         }
+    }
+}
+
+/// A failure for programs, `vre-error/1`.
+#[derive(Serialize)]
+struct Failure<'e> {
+    format: &'static str,
+    error: String,
+    exit_status: u8,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    file: Option<&'e Path>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    row: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    column: Option<&'e str>,
+}
+
+impl<'e> Failure<'e> {
+    fn new(error: &'e Error, line: String) -> Self {
+        let place = match error {
+            Error::Input { place, .. } => Some(place),
+            _ => None,
+        };
+        let file = match error {
+            Error::Read { file, .. } | Error::Write { file, .. } => Some(file),
+            _ => place.map(|place| &place.file),
+        };
+        Self {
+            format: "vre-error/1",
+            error: line,
+            exit_status: error.exit_status(),
+            file: file.map(PathBuf::as_path),
+            row: place.and_then(|place| place.row),
+            column: place.and_then(|place| place.column.as_deref()),
+        }
+    }
+}
+
+/// `; is ... meant?` where one of the known words is like this one.
+fn like(word: &str, known: Vec<&str>) -> String {
+    let scored = known
+        .into_iter()
+        .map(|known| (strsim::jaro(word, known), known));
+    let best = scored.max_by(|a, b| a.0.total_cmp(&b.0));
+    // By eye: as strict as clap, which names a word from 0.7 on.
+    match best {
+        Some((score, known)) if score > 0.7 => format!("; is {known} meant?"),
+        _ => String::new(),
     }
 }
 
@@ -183,24 +249,26 @@ fn read_campaign(folder: &Path, without: &[RowName], console: &Console) -> Resul
 }
 
 /// Files by which a folder holds a campaign.
-const CAMPAIGN_FILES: [&str; 5] = [
-    "campaign.toml",
-    "static.csv",
-    "positions.csv",
-    "vibration.csv",
-    RECORD,
-];
+const CAMPAIGN_FILES: [&str; 2] = ["campaign.toml", RECORD];
+
+/// Tables by which it does, whatever program wrote them.
+const TABLES: [&str; 3] = ["static", "positions", "vibration"];
 
 /// A folder that holds a campaign is not written into; `hint` tells what else can be done than to name another.
 fn refuse_campaign(folder: &Path, hint: &str) -> Result<(), Error> {
-    let mut names = CAMPAIGN_FILES.iter();
-    match names.find(|name| folder.join(name).exists()) {
-        Some(name) => Err(Error::Usage(format!(
-            "{}: holds {name} of a campaign already; name another folder{hint}",
-            folder.display()
-        ))),
-        None => Ok(()),
+    let files = CAMPAIGN_FILES.iter().map(|name| folder.join(name));
+    let tables = TABLES.iter().map(|stem| table_file(folder, stem));
+    for file in files.map(Ok).chain(tables) {
+        let file = file?;
+        if file.exists() {
+            let name = file.file_name().unwrap_or_default().display();
+            return Err(Error::Usage(format!(
+                "{}: holds {name} of a campaign already; name another folder{hint}",
+                folder.display()
+            )));
+        }
     }
+    Ok(())
 }
 
 /// A finite number greater than zero.
@@ -211,10 +279,15 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The first paragraph of clap's message as one line.
+/// The first paragraph of clap's message, and its tips, as one line.
 fn usage_line(error: &clap::Error) -> String {
     let message = error.render().to_string();
     let paragraph = message.lines().take_while(|line| !line.trim().is_empty());
+    let tips = message
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("tip: "));
     let line = paragraph.map(str::trim).collect::<Vec<_>>().join(" ");
-    format!("{}; see `vre --help`", line.trim_start_matches("error: "))
+    let line = line.trim_start_matches("error: ");
+    let tips: String = tips.map(|tip| format!("; {tip}")).collect();
+    format!("{line}{tips}; see `vre --help`")
 }

@@ -14,6 +14,7 @@ use super::identify::{condition, sum};
 use super::{Command, Console, positive, read_campaign, triad};
 use crate::campaign::{is_triad, read_plan};
 use crate::error::Error;
+use crate::quantity::fixed;
 use crate::statics::DEFAULT_PRIOR_SIGMA;
 use crate::statics::{
     self, Assessment, Conditions, Environment, NAMES, assess, best_plan, positions_to_add,
@@ -97,7 +98,7 @@ impl FromStr for Vibration {
     }
 }
 
-fn direction(text: &str) -> Result<[f64; 3], String> {
+pub(super) fn direction(text: &str) -> Result<[f64; 3], String> {
     let parts: Option<Vec<f64>> = text
         .split(',')
         .map(|part| part.trim().parse().ok())
@@ -121,7 +122,7 @@ fn angle_sigma(text: &str) -> Result<f64, String> {
 }
 
 /// A specific force, g.
-fn specific_force(text: &str) -> Result<f64, String> {
+pub(super) fn specific_force(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(force) if force.abs() <= MAX_LEVEL_G => Ok(force),
         _ => Err("is not a number from -1e6 to 1e6".into()),
@@ -393,10 +394,10 @@ fn write_environments(text: &mut String, advice: &Advice, prior_sigma: f64) {
             let e = &assessment.environments[k];
             let _ = writeln!(
                 text,
-                "  {name:<34} {:>9.2} {:>9.2} {:>9.2}   {} readings, rank {}",
-                e.readings_sigma_g * 1e6,
-                e.blind_sigma_g * 1e6,
-                e.sigma_g() * 1e6,
+                "  {name:<34} {:>9} {:>9} {:>9}   {} readings, rank {}",
+                fixed(e.readings_sigma_g * 1e6, 2),
+                fixed(e.blind_sigma_g * 1e6, 2),
+                fixed(e.sigma_g() * 1e6, 2),
                 assessment.readings,
                 assessment.rank
             );

@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use super::environment::EnvironmentOptions;
 use super::{Command, Console, RowName, read_campaign, triad};
 use crate::campaign::{Run, is_triad, read_runs};
 use crate::contradictions;
-use crate::diagnose::Diagnosis;
+use crate::diagnose::{Diagnosis, static_test};
 use crate::error::Error;
 use crate::prediction::{Prediction, predict};
 use crate::refit::predict_refitted;
@@ -16,7 +17,7 @@ use crate::statics::{DEFAULT_PRIOR_SIGMA, scatter_warning};
 /// Predict the vibration error of shaker runs from the static test, and from static test and shaker together
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  vre predict campaigns/S01000 --runs new-runs.csv --json prediction.json"
+    after_help = "Examples:\n  vre predict campaigns/S01000 --runs new-runs.csv --json prediction.json\n  vre predict campaigns/S01000 --vibration psd:vehicle.csv --limit 50e-6\n  vre predict campaigns/S01000 --vibration psd+sine:rotor.csv --mission flight.csv --a0 1"
 )]
 pub struct Predict {
     /// Folder of the campaign
@@ -38,6 +39,8 @@ pub struct Predict {
     /// Go on although columns contradict each other in all rows of a kind, as level_g and ref_*_rms_g by a unit
     #[arg(long)]
     accept_contradictions: bool,
+    #[command(flatten)]
+    environment: EnvironmentOptions,
 }
 
 impl Command for Predict {
@@ -48,12 +51,28 @@ impl Command for Predict {
                     "a triad takes neither --prior-sigma nor --diagnosis nor --exclude; state cross_coupling_sigma_per_g in campaign.toml".into(),
                 ));
             }
+            if self.environment.vibration.is_some() {
+                return Err(Error::Usage(
+                    "--vibration is for one instrument; of a triad name --runs".into(),
+                ));
+            }
             return triad::predict(&self.campaign, self.runs.as_deref(), console);
         }
         let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
         let accepted = self.accept_contradictions;
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
             console.print(format!("vibration.csv, {contradiction}"))?;
+        }
+        if let Some(name) = &self.environment.vibration {
+            if self.diagnosis.is_some() {
+                return Err(Error::Usage(
+                    "--vibration is predicted by the static test alone, without --diagnosis".into(),
+                ));
+            }
+            let belonging = static_test(&campaign).belonging;
+            return self
+                .environment
+                .predict(name, &belonging, self.prior_sigma, console);
         }
         let mut own;
         let runs = match &self.runs {

@@ -1,60 +1,44 @@
-//! A delimited table of any maker and dialect: columns are found by name, rows are streamed.
+//! A table of any maker and dialect: columns are found by name, rows are streamed.
 
 use std::cell::Cell;
 use std::collections::HashSet;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use csv::ByteRecord;
 
-use super::dialect::{self, Dialect};
+use super::dialect;
+use super::source::Source;
 use super::{Columns, Rows};
-use crate::campaign::{RowSource, read_error};
 use crate::error::{Error, Place, Problem};
 
 /// Beyond it a number is no temperature, C.
 const MAX_TEMPERATURE_C: f64 = 1e4;
 
 /// An open table.
-pub struct Table<R> {
+pub struct Table {
     file: PathBuf,
-    reader: csv::Reader<RowSource<R>>,
-    header: Vec<String>,
+    source: Source,
     record: ByteRecord,
     outputs: Vec<usize>,
     time: Option<(usize, f64)>,
     temperature: Option<usize>,
     group: Option<usize>,
-    dialect: Dialect,
     /// Day of the first ISO time: times count from its midnight.
     first_day: Cell<Option<i64>>,
 }
 
-impl<R: Read> Table<R> {
-    /// Reads the header of a `source` that begins there; `group` names the column that tells to which group a row belongs, `file` is for errors only.
+impl Table {
+    /// Opens `file`; `group` names the column that tells to which group a row belongs.
     ///
     /// # Errors
     /// A header that cannot be read or is empty; a column that is missing.
-    pub fn open(
-        file: &Path,
-        source: R,
-        dialect: Dialect,
-        columns: &Columns,
-        group: Option<&str>,
-    ) -> Result<Self, Error> {
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .delimiter(dialect.delimiter)
-            .from_reader(RowSource::from_line(source, dialect.header_line));
-        let header: Vec<String> = reader
-            .byte_headers()
-            .map_err(|error| read_error(file, &[], error, Some(dialect.header_line)))?
-            .iter()
-            .map(dialect::text)
-            .collect();
-        if header.iter().all(String::is_empty) {
-            return Err(Error::input(file, Problem::EmptyFile));
-        }
+    pub fn open(file: &Path, columns: &Columns, group: Option<&str>) -> Result<Self, Error> {
+        let mut wanted: Vec<&str> = columns.outputs.iter().map(String::as_str).collect();
+        wanted.extend(columns.time.as_ref().map(|time| time.0.as_str()));
+        wanted.extend(columns.temperature.as_deref());
+        wanted.extend(group);
+        let source = Source::open(file, &wanted, |cell, name| cell == name)?;
+        let header = source.header();
         let place = |name: &str| Place {
             column: Some(name.into()),
             ..Place::file(file)
@@ -83,24 +67,15 @@ impl<R: Read> Table<R> {
             Some((name, units)) => Some((find(name)?, *units)),
             None => None,
         };
-        let temperature = columns.temperature.as_deref().map(find).transpose()?;
-        let group = group.map(find).transpose()?;
-        let mut record = ByteRecord::new();
-        if dialect.units_row {
-            let read = reader.read_byte_record(&mut record);
-            read.map_err(|error| read_error(file, &header, error, None))?;
-        }
         Ok(Self {
             file: file.into(),
-            reader,
-            record,
-            dialect,
+            record: ByteRecord::new(),
             first_day: Cell::new(None),
             outputs,
             time,
-            temperature,
-            group,
-            header,
+            temperature: columns.temperature.as_deref().map(find).transpose()?,
+            group: group.map(find).transpose()?,
+            source,
         })
     }
 
@@ -115,7 +90,7 @@ impl<R: Read> Table<R> {
 
     fn number(&self, index: usize) -> Result<f64, Error> {
         let text = self.text(index)?;
-        match self.dialect.number(text) {
+        match self.source.dialect().number(text) {
             Some(value) if value.is_finite() => Ok(value),
             Some(_) => Err(self.error(index, Problem::NotFinite(text.into()))),
             None => Err(self.error(index, Problem::NotANumber(text.into()))),
@@ -123,7 +98,7 @@ impl<R: Read> Table<R> {
     }
 
     fn error(&self, index: usize, problem: Problem) -> Error {
-        let column = self.header.get(index).cloned();
+        let column = self.source.header().get(index).cloned();
         Error::Input {
             place: self.place(Some(column.unwrap_or_default())),
             problem,
@@ -139,17 +114,9 @@ impl<R: Read> Table<R> {
     }
 }
 
-impl<R: Read> Rows for Table<R> {
+impl Rows for Table {
     fn advance(&mut self) -> Result<bool, Error> {
-        let byte = self.reader.position().byte();
-        self.reader.get_mut().begin_row(byte);
-        let more = self.reader.read_byte_record(&mut self.record);
-        more.map_err(|error| {
-            let line = error
-                .position()
-                .and_then(|at| self.reader.get_ref().line(at));
-            read_error(&self.file, &self.header, error, line)
-        })
+        self.source.read(&mut self.record)
     }
 
     fn time_s(&self) -> Result<Option<f64>, Error> {
@@ -194,6 +161,6 @@ impl<R: Read> Rows for Table<R> {
     }
 
     fn line(&self) -> Option<u64> {
-        self.reader.get_ref().line(self.record.position()?)
+        self.source.line(&self.record)
     }
 }

@@ -4,14 +4,19 @@
 pub mod delimited;
 mod dialect;
 mod layout;
+mod lines;
+mod source;
 mod unit;
+mod workbook;
 
-use std::fs::File;
-use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
+pub(crate) use dialect::iso_time;
 pub use dialect::{Dialect, seconds};
 pub use layout::Layout;
+pub use lines::MAX_ROW_BYTES;
+pub(crate) use source::Source;
+pub(crate) use unit::Conversion;
 pub use unit::Unit;
 
 use crate::error::{Error, Problem};
@@ -71,14 +76,5 @@ pub trait Rows {
 /// # Errors
 /// The file cannot be read, or has no such columns.
 pub fn open(file: &Path, columns: &Columns, group: Option<&str>) -> Result<Box<dyn Rows>, Error> {
-    let mut wanted: Vec<&str> = columns.outputs.iter().map(String::as_str).collect();
-    wanted.extend(columns.time.as_ref().map(|time| time.0.as_str()));
-    wanted.extend(columns.temperature.as_deref());
-    wanted.extend(group);
-    let dialect = Dialect::of(file, &wanted)?;
-    let mut source = File::open(file).map_err(Error::read(file))?;
-    let start = SeekFrom::Start(dialect.skipped);
-    source.seek(start).map_err(Error::read(file))?;
-    let table = delimited::Table::open(file, source, dialect, columns, group)?;
-    Ok(Box::new(table))
+    Ok(Box::new(delimited::Table::open(file, columns, group)?))
 }

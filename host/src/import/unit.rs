@@ -61,6 +61,91 @@ impl Unit {
     }
 }
 
+/// From one unit to another of the same quantity: value x `times` / `over` + `plus`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Conversion {
+    times: f64,
+    over: f64,
+    plus: f64,
+}
+
+impl Conversion {
+    /// From a unit to itself.
+    pub(crate) const NONE: Self = Self {
+        times: 1.0,
+        over: 1.0,
+        plus: 0.0,
+    };
+
+    /// To a unit of a campaign's columns (`V`, `V/s`, `g`, `s`, `deg`, `arcsec`, `Hz`, `C`, or none of a pure number).
+    pub(crate) fn between(from: &str, to: &str) -> Option<Self> {
+        let from: String = from.chars().filter(|c| !c.is_whitespace()).collect();
+        let from = from
+            .replace(['\u{b5}', '\u{3bc}'], "u")
+            .replace('\u{b0}', "deg");
+        // mV and MV differ by their capital alone, kelvin and kilo too.
+        let times = |times: f64| {
+            Some(Self {
+                times,
+                ..Self::NONE
+            })
+        };
+        let over = |over: f64| Some(Self { over, ..Self::NONE });
+        if from == to {
+            return Some(Self::NONE);
+        }
+        match (to, from.as_str()) {
+            ("", "1" | "-" | "") => times(1.0),
+            ("", "%") => over(100.0),
+            ("V", "v" | "volt" | "volts" | "counts" | "lsb" | "LSB") => times(1.0),
+            ("V", "mV") => over(1e3),
+            ("V", "uV") => over(1e6),
+            ("V", "nV") => over(1e9),
+            ("V/s", "mV/s") => over(1e3),
+            ("V/s", "uV/s") => over(1e6),
+            ("V/s", "V/min") => over(60.0),
+            ("g", "gn" | "g0" | "g_n" | "grms" | "g_rms" | "gpk") => times(1.0),
+            ("g", "mg") => over(1e3),
+            ("g", "ug" | "microg") => over(1e6),
+            ("g", "m/s2" | "m/s^2" | "m/s\u{b2}" | "m/s/s" | "ms-2" | "m\u{b7}s-2") => over(G_M_S2),
+            ("g^2/Hz", "g2/Hz" | "g\u{b2}/Hz") => times(1.0),
+            (
+                "g^2/Hz",
+                "(m/s^2)^2/Hz" | "(m/s2)2/Hz" | "m2/s4/Hz" | "(m/s\u{b2})\u{b2}/Hz" | "m^2/s^3",
+            ) => over(G_M_S2 * G_M_S2),
+            ("s", "sec" | "seconds") => times(1.0),
+            ("s", "ms") => over(1e3),
+            ("s", "us") => over(1e6),
+            ("s", "min") => times(60.0),
+            ("s", "h" | "hours") => times(3600.0),
+            ("deg", "degree" | "degrees") => times(1.0),
+            ("deg", "rad") => times(180.0 / std::f64::consts::PI),
+            ("deg", "gon" | "grad") => times(0.9),
+            ("deg", "arcmin" | "'") => over(60.0),
+            ("deg", "arcsec" | "\"") => over(3600.0),
+            ("arcsec", "\"" | "as") => times(1.0),
+            ("arcsec", "arcmin" | "'") => times(60.0),
+            ("arcsec", "deg") => times(3600.0),
+            ("arcsec", "rad") => times(648_000.0 / std::f64::consts::PI),
+            ("arcsec", "mrad") => times(648.0 / std::f64::consts::PI),
+            ("arcsec", "urad") => times(0.648 / std::f64::consts::PI),
+            ("Hz", "hz" | "1/s") => times(1.0),
+            ("Hz", "kHz") => times(1e3),
+            ("C", "degC" | "Celsius") => times(1.0),
+            ("C", "K") => Some(Self {
+                plus: -273.15,
+                ..Self::NONE
+            }),
+            _ => None,
+        }
+    }
+
+    /// The value in the other unit.
+    pub(crate) fn of(self, value: f64) -> f64 {
+        value * self.times / self.over + self.plus
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::Unit;

@@ -1,20 +1,18 @@
 //! The page of a diagnosis: for a test engineer who wants to know what to repair, and how sure that is.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 use super::diagnosis_text::headline;
 use super::figures::{Figure, WIDTH};
-use super::page::{STYLE, figure};
-use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour, span};
+use super::frame::{self, Section};
+use super::page::figure;
+use super::plot::{Axis, Layer, Marker, Name, Plot, Point, Shape, Ticks, colour, span};
+use crate::diagnose::answer::NextTest;
 use crate::diagnose::{Diagnosis, GapRow, Study, Verdict, WHY_NOT_CARRIED};
 use crate::effects;
 use crate::error::Error;
+use crate::handbook::in_words;
 use crate::quantity::Quantity;
-
-const DIAGNOSIS_STYLE: &str = "
-.bar { display: inline-block; height: .8em; background: #0072b2; }
-.matrix td { text-align: center; min-width: 3.2rem; }
-";
 
 /// The page, self-contained.
 ///
@@ -23,30 +21,42 @@ const DIAGNOSIS_STYLE: &str = "
 pub fn page(study: &Study) -> Result<String, Error> {
     let diagnosis = &study.diagnosis;
     let title = format!("Diagnosis of {}", diagnosis.serial);
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (title) }
-                style { (PreEscaped(STYLE)) (PreEscaped(DIAGNOSIS_STYLE)) }
-            }
-            body {
-                h1 { (title) }
-                p.lead { (sentence(diagnosis)) }
-                @for note in &diagnosis.not_looked_at {
-                    div.remark { h3 { "Not looked at" } p { (note) } }
-                }
-                (place(study)?)
-                (cause(diagnosis))
-                (closing(diagnosis))
-                (next(diagnosis))
-                footer { "vre " (env!("CARGO_PKG_VERSION")) ", format " (diagnosis.format) }
-            }
+    let foot = html! { "format " (diagnosis.format) };
+    Ok(frame::page(
+        &title,
+        &first(diagnosis),
+        &sections(study)?,
+        &foot,
+    ))
+}
+
+/// What a diagnosis says first.
+pub(super) fn first(diagnosis: &Diagnosis) -> Markup {
+    html! {
+        p.lead { (sentence(diagnosis)) }
+        @for note in &diagnosis.not_looked_at {
+            div.remark { h3 { "Not looked at" } p { (note) } }
         }
-    };
-    Ok(page.into_string())
+    }
+}
+
+/// The sections of a diagnosis, its verdict in the first.
+pub(super) fn sections(study: &Study) -> Result<Vec<Section>, Error> {
+    let diagnosis = &study.diagnosis;
+    let section = |id, title, body| Section { id, title, body };
+    let mut sections = vec![
+        section("where", "Where the gap lies", place(study)?),
+        section("cause", "What causes it", cause(diagnosis)),
+    ];
+    if diagnosis.shrink.is_some() {
+        sections.push(section(
+            "closing",
+            "How far the gap shrinks",
+            closing(diagnosis),
+        ));
+    }
+    sections.push(section("next", "What to measure next", next(diagnosis)));
+    Ok(sections)
 }
 
 fn sentence(diagnosis: &Diagnosis) -> String {
@@ -75,25 +85,29 @@ fn over(
         rows.map(|row| Point {
             x: value(row),
             y: gap(row)[which],
+            name: Some(Name::Run(row.run, 0)),
             ..Point::default()
         })
         .collect()
     };
     let (before, after) = (points(0), points(1));
     let points = before.iter().chain(&after);
+    let x = span(points.clone().map(|p| p.x));
+    let band = Shape::Band(vec![(x.start, -3.0, 3.0), (x.end, -3.0, 3.0)]);
     Plot {
         title: title.into(),
         x: Axis {
             label: axis.0.into(),
-            range: span(points.clone().map(|p| p.x)),
+            range: x,
             ticks: axis.1,
         },
         y: Axis {
             label: format!("{observed}, gap / uncertainty"),
-            range: span(points.map(|p| p.y)),
+            range: span(points.map(|p| p.y).chain([-4.0, 4.0])),
             ticks: Ticks::Round(6),
         },
         layers: vec![
+            Layer::new("\u{b1} 3", colour::GREY, band),
             Layer::new(
                 "nominal model",
                 colour::ORANGE,
@@ -177,7 +191,6 @@ fn place(study: &Study) -> Result<Markup, Error> {
     };
     let runs = !study.rows.is_empty();
     Ok(html! {
-        h2 { "Where the gap lies" }
         @if study.diagnosis.verdict != Verdict::NoGap {
             table {
                 thead { tr { th { "measured quantity" } th { "share of the gap" } } }
@@ -196,7 +209,6 @@ fn place(study: &Study) -> Result<Markup, Error> {
 fn cause(diagnosis: &Diagnosis) -> Markup {
     let best = &diagnosis.which[0];
     html! {
-        h2 { "What causes it" }
         @for id in &best.effects {
             @if let Some(effect) = effects::find(id) { p { b { (id) } ": " (effect.says) "." } }
         }
@@ -223,7 +235,7 @@ fn cause(diagnosis: &Diagnosis) -> Markup {
                 thead { tr { th { "parameter" } th.number { "value (uncertainty of the last digits)" } } }
                 tbody {
                     @for p in &best.parameters {
-                        tr { td { (p.name) } td.number { (Quantity::new(p.value, p.sigma).to_string()) } }
+                        tr { td { (parameter(&best.effects, &p.name)) } td.number { (Quantity::new(p.value, p.sigma).to_string()) } }
                     }
                 }
             }
@@ -244,6 +256,19 @@ fn cause(diagnosis: &Diagnosis) -> Markup {
             p { "The prediction from the static test alone is off because of " b { (cause.cause) } " (" (percent(cause.share))
                 " of its error). That is no fault of the instrument: with the shaker runs included the same model fits." }
         }
+    }
+}
+
+/// A parameter in words, with its unit.
+fn parameter(effects: &[String], name: &str) -> String {
+    let of_effect = effects.iter().map(|effect| in_words(effect, name));
+    let found = of_effect.max_by_key(|(words, _)| !words.is_empty());
+    match found {
+        Some((words, unit)) if !words.is_empty() => match unit {
+            "" => words.to_owned(),
+            unit => format!("{words}, {unit}"),
+        },
+        _ => name.to_owned(),
     }
 }
 
@@ -269,7 +294,6 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
         ("the noise alone", shrink.noise_floor_rms_g),
     ];
     html! {
-        h2 { "How far the gap shrinks" }
         p { "Each group of runs of one frequency and attitude was predicted from all the others, so that no prediction has seen its own run." }
         table {
             thead { tr { th { "prediction" } th.number { "typical miss / 10" sup { "\u{2212}6" } " g" } } }
@@ -293,17 +317,43 @@ fn closing(diagnosis: &Diagnosis) -> Markup {
     }
 }
 
+/// Tests that are proposed in full; more would be a list, no advice.
+const TESTS: usize = 3;
+
 fn next(diagnosis: &Diagnosis) -> Markup {
+    let test = |test: &NextTest| {
+        html! {
+            li { (test.change) ": tells " (test.separates.join(" from ")) "; " (settled(test.expected_bits)) "." }
+        }
+    };
+    let further = diagnosis.next_tests.iter().skip(TESTS);
     html! {
-        h2 { "What to measure next" }
         @if diagnosis.next_tests.is_empty() {
             p { "No test is needed to choose between explanations: one stands, or none." }
         }
-        ol {
-            @for test in &diagnosis.next_tests {
-                li { (test.change) ": tells " (test.separates.join(" from ")) "; it is expected to settle "
-                    (format!("{:.2}", test.expected_bits)) " bits of the question (1 bit settles an even choice between two)." }
-            }
+        ol { @for one in diagnosis.next_tests.iter().take(TESTS) { (test(one)) } }
+        @if diagnosis.next_tests.len() > TESTS {
+            details { summary { "Tests that tell less" } ul { @for one in further { (test(one)) } } }
+        }
+    }
+}
+
+/// What an expected information means for an even choice between two: the probability p of naming the right one after it, from
+/// bits = 1 - H(p), H the binary entropy.
+fn settled(bits: f64) -> String {
+    let entropy = |p: f64| -p * p.log2() - (1.0 - p) * (1.0 - p).log2();
+    let (mut low, mut high) = (0.5, 1.0 - 1e-6);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        match 1.0 - entropy(middle) < bits {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    match 100.0 * low {
+        percent if percent > 99.0 => "would settle it in more than 99 of 100 cases".into(),
+        percent => {
+            format!("would settle it in {percent:.0} of 100 cases, where a guess does in 50")
         }
     }
 }
@@ -318,4 +368,17 @@ fn percent(share: f64) -> String {
 
 fn round(value: f64) -> String {
     format!("{}", (value * 1e4).round() / 1e4)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::settled;
+
+    #[test]
+    fn bits_are_told_as_cases() {
+        // 1 - H(0.9) = 0.531.
+        assert!(settled(0.531).contains("in 90 of 100"));
+        assert!(settled(1e-9).contains("in 50 of 100"));
+        assert!(settled(1.0).contains("more than 99"));
+    }
 }

@@ -6,7 +6,7 @@ use plotters::style::RGBColor;
 use shared::model::NOMINAL;
 use shared::tumble::{Position, Series, within_a_turn};
 
-use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour, span};
+use super::plot::{Axis, Layer, Marker, Name, Plot, Point, Shape, Ticks, colour, span, symmetric};
 use super::{Report, SYMBOLS, outlook, remarks};
 use crate::statics;
 
@@ -62,6 +62,7 @@ pub(super) fn readings(report: &Report) -> Figure {
             .map(|r| Point {
                 x: within_a_turn(r.dial_deg + r.mount_deg),
                 y: r.output_v / model.scale_factor_v_per_g,
+                name: Some(Name::Reading(r.order, r.line)),
                 ..Point::default()
             })
             .collect();
@@ -99,6 +100,7 @@ pub(super) fn readings(report: &Report) -> Figure {
 
 /// Residuals of one reading's position: where it stands, in which series and mount, and how large it is.
 struct Residual {
+    name: Name,
     position: Position,
     residual_g: f64,
     /// Standard deviation expected from dial, level and noise, g.
@@ -112,21 +114,24 @@ fn residuals_about_mounts(report: &Report) -> Vec<Residual> {
     let tangent = |p: &Position| bench.local_gravity_g * p.series.tangent(p.phi_rad()).i;
     let mut mounts: BTreeMap<(u8, u64), (f64, f64)> = BTreeMap::new();
     let of = |p: &Position| (u8::from(p.series), p.mount_deg.to_bits());
-    let all: Vec<(Position, f64, f64)> = report
+    let all: Vec<(Position, f64, f64, Name)> = report
         .campaign
         .readings
         .iter()
         .zip(&report.identification.residuals_g)
-        .map(|(r, residual)| (statics::position(r), *residual, r.sigma_v / k1.abs()))
+        .map(|(r, residual)| {
+            let name = Name::Reading(r.order, r.line);
+            (statics::position(r), *residual, r.sigma_v / k1.abs(), name)
+        })
         .collect();
-    for (position, residual, _) in &all {
+    for (position, residual, ..) in &all {
         let slope = tangent(position);
         let sums = mounts.entry(of(position)).or_default();
         sums.0 += slope * residual;
         sums.1 += slope * slope;
     }
     all.into_iter()
-        .map(|(position, residual, noise_g)| {
+        .map(|(position, residual, noise_g, name)| {
             let slope = tangent(&position);
             let angle_rad = match mounts.get(&of(&position)) {
                 Some((product, square)) if *square > 1e-9 => product / square,
@@ -136,6 +141,7 @@ fn residuals_about_mounts(report: &Report) -> Vec<Residual> {
             let lift =
                 bench.level_sigma_rad * bench.local_gravity_g * position.series.lift::<f64>().i;
             Residual {
+                name,
                 position,
                 residual_g: residual - angle_rad * slope,
                 sigma_g: dial.hypot(lift).hypot(noise_g),
@@ -188,6 +194,7 @@ pub(super) fn residuals(report: &Report) -> Figure {
                 .map(|r| Point {
                     x: within_a_turn(r.position.dial_deg + mount_deg),
                     y: 1e6 * r.residual_g,
+                    name: Some(r.name),
                     ..Point::default()
                 })
                 .collect();
@@ -252,7 +259,7 @@ pub(super) fn coefficients(report: &Report) -> Figure {
         x: value,
         y: row,
         x_bar: 2.0 * sigma,
-        y_bar: 0.0,
+        ..Point::default()
     });
     let ends =
         known().flat_map(|(_, value, sigma)| [value - 2.0 * sigma, value + 2.0 * sigma, 0.0]);
@@ -312,7 +319,7 @@ pub(super) fn coefficients(report: &Report) -> Figure {
 /// Predicted against measured vibration error; none without measured runs.
 pub(super) fn comparison(report: &Report) -> Option<Figure> {
     let (mut from_static, mut from_refit) = (Vec::new(), Vec::new());
-    for run in &report.prediction.runs {
+    for (run, made) in report.prediction.runs.iter().zip(&report.campaign.runs) {
         let Some((measured, sigma)) = run.measured_vre_g.and_then(|q| q.known()) else {
             continue;
         };
@@ -321,6 +328,7 @@ pub(super) fn comparison(report: &Report) -> Option<Figure> {
             y: 1e6 * value,
             x_bar: 2e6 * sigma,
             y_bar: 2e6 * uncertainty,
+            name: Some(Name::Run(made.run, made.line)),
         };
         from_static.extend(run.vre_g.known().map(point));
         from_refit.extend(run.refit_vre_g.and_then(|q| q.known()).map(point));
@@ -328,6 +336,7 @@ pub(super) fn comparison(report: &Report) -> Option<Figure> {
     if from_static.is_empty() {
         return None;
     }
+    let differences = differences(&from_static, &from_refit);
     let both = || from_static.iter().chain(&from_refit);
     let x = span(both().map(|p| p.x));
     let y = span(both().flat_map(|p| [p.y - p.y_bar, p.y + p.y_bar]));
@@ -364,12 +373,53 @@ pub(super) fn comparison(report: &Report) -> Option<Figure> {
         size: (WIDTH, 420),
     };
     Some(Figure {
-        plots: vec![plot],
-        caption: "One mark a run. The bars of the static prediction should reach the dashed line; long bars mean that the plan or \
+        plots: vec![plot, differences],
+        caption: "One mark a run; it tells its number where a pointer rests on it. Below, the differences, over the measured error on an axis \
+                  that is logarithmic away from zero, so that small errors are seen too. The bars of the static prediction should reach the dashed line (below: zero); long bars mean that the plan or \
                   the dial leaves the prediction uncertain, which is no error. Bad: a short bar that misses the line, or an open \
                   circle off the line: the model does not hold for that run."
             .into(),
     })
+}
+
+/// Predicted less measured over the measured error, on an axis that is linear within the smallest uncertainty.
+fn differences(from_static: &[Point], from_refit: &[Point]) -> Plot {
+    let bars = from_static.iter().map(|p| p.x_bar).filter(|bar| *bar > 0.0);
+    let linear = bars.fold(f64::INFINITY, f64::min).clamp(1e-3, 1e3);
+    let difference = |p: &Point| Point {
+        x: symmetric(p.x, linear),
+        y: p.y - p.x,
+        x_bar: 0.0,
+        y_bar: p.x_bar.hypot(p.y_bar),
+        name: p.name,
+    };
+    let [statics, refits] = [from_static, from_refit]
+        .map(|points| points.iter().map(difference).collect::<Vec<Point>>());
+    let both = || statics.iter().chain(&refits);
+    let x = span(both().map(|p| p.x));
+    let y = span(both().flat_map(|p| [p.y - p.y_bar, p.y + p.y_bar]));
+    Plot {
+        title: "Predicted less measured vibration error".into(),
+        x: Axis {
+            label: "measured VRE / 10\u{207b}\u{2076} g, symmetric logarithmic".into(),
+            range: x.clone(),
+            ticks: Ticks::Symmetric(linear),
+        },
+        y: Axis {
+            label: "predicted \u{2212} measured / 10\u{207b}\u{2076} g".into(),
+            range: y,
+            ticks: Ticks::Round(6),
+        },
+        layers: vec![
+            Layer::unlabelled(
+                colour::GREY,
+                Shape::Dashes(vec![(x.start, 0.0), (x.end, 0.0)]),
+            ),
+            Layer::unlabelled(colour::BLUE, Shape::Points(Marker::Disc, statics)),
+            Layer::unlabelled(colour::ORANGE, Shape::Points(Marker::Circle, refits)),
+        ],
+        size: (WIDTH, 260),
+    }
 }
 
 /// The gap of each run in units of its uncertainty; none without measured runs.
@@ -381,6 +431,7 @@ pub(super) fn gaps(report: &Report) -> Option<Figure> {
             Some(Point {
                 x: g.run as f64,
                 y: of(g)?,
+                name: Some(Name::Run(g.run, line_of(report, g.run))),
                 ..Point::default()
             })
         });
@@ -404,12 +455,11 @@ pub(super) fn gaps(report: &Report) -> Option<Figure> {
             },
             layers: vec![
                 Layer::new(
-                    "\u{b1} 2",
+                    "\u{b1} 3",
                     colour::GREY,
-                    Shape::Band(vec![(x.start, -2.0, 2.0), (x.end, -2.0, 2.0)]),
+                    Shape::Band(vec![(x.start, -3.0, 3.0), (x.end, -3.0, 3.0)]),
                 ),
-                Layer::new("\u{b1} 3", colour::GREY, across(3.0)),
-                Layer::unlabelled(colour::GREY, across(-3.0)),
+                Layer::unlabelled(colour::GREY, across(0.0)),
                 Layer::new(title, colour, Shape::Points(marker, points)),
             ],
             size: (WIDTH, 190),
@@ -435,10 +485,17 @@ pub(super) fn gaps(report: &Report) -> Option<Figure> {
         caption: "Above, measured less predicted from the static test over the uncertainty of both. All these predictions share one set \
                   of coefficients, so the marks may lean to one side together without anything being wrong. Below, what the model \
                   leaves when it is fitted to static test and shaker at once, over the uncertainty of the measurement: here the \
-                  marks must scatter about zero. Bad: marks beyond the dashed lines; below they mean that something acts that \
+                  marks must scatter about zero. Bad: marks outside of the band; below they mean that something acts that \
                   the model does not have."
             .into(),
     })
+}
+
+/// Line of the table in which a run stands.
+fn line_of(report: &Report, run: u64) -> u64 {
+    let mut runs = report.campaign.runs.iter();
+    runs.find(|made| made.run == run)
+        .map_or(0, |made| made.line)
 }
 
 /// The predicted vibration error along the blind or least determined direction.

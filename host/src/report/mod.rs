@@ -2,14 +2,17 @@
 //!
 //! [`Report`] holds all that was computed, once; [`text`] and the page only show it.
 
+mod certificate;
 mod diagnosis;
 mod diagnosis_text;
 mod figures;
+mod frame;
 mod laboratory_text;
 mod outlook;
 mod page;
 mod plot;
 mod remarks;
+mod signature;
 pub mod text;
 pub mod triad;
 
@@ -19,8 +22,10 @@ use std::path::Path;
 use shared::identify::static_test::Fit;
 use shared::model::NOMINAL;
 
+use certificate::Certificate;
+
 use crate::campaign::Campaign;
-use crate::diagnose::static_test;
+use crate::diagnose::{Study, static_test};
 use crate::error::Error;
 use crate::output::{write_file, write_json};
 use crate::prediction::{Prediction, predict};
@@ -31,6 +36,7 @@ pub use diagnosis_text::text as diagnosis_text;
 pub use laboratory_text::belonging;
 pub use outlook::{Direction, Outlook, PlanSigma};
 pub use remarks::{Remark, Severity};
+pub use signature::signature;
 
 /// Symbols of the coefficients in plain text, in the order of [`crate::statics::NAMES`].
 const SYMBOLS: [&str; NOMINAL] = [
@@ -111,13 +117,23 @@ impl Report {
     }
 }
 
+/// What a report has beside the campaign.
+#[derive(Clone, Copy, Default)]
+pub struct Supplement<'a> {
+    /// The folder that the campaign was read from: the hashes of its files.
+    pub folder: Option<&'a Path>,
+    /// The diagnosis: its sections.
+    pub study: Option<&'a Study>,
+}
+
 /// Writes `report.html`, `identification.json` and `prediction.json` into the folder `out`, which is made if need be.
 ///
 /// # Errors
 /// Those of [`Report::new`], and what the file system says.
-pub fn write(campaign: &Campaign, out: &Path) -> Result<Report, Error> {
+pub fn write(campaign: &Campaign, supplement: Supplement<'_>, out: &Path) -> Result<Report, Error> {
     let report = Report::new(campaign)?;
-    let page = page::page(&report)?;
+    let certificate = Certificate::of(&report.campaign, supplement.folder, &report.fit)?;
+    let page = page::page(&report, &certificate, supplement.study)?;
     fs::create_dir_all(out).map_err(Error::write(out))?;
     write_json(&out.join("identification.json"), &report.identification)?;
     write_json(&out.join("prediction.json"), &report.prediction)?;

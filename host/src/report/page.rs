@@ -1,95 +1,80 @@
-//! The page: HTML without scripts and without anything from outside, good to read and to print.
+//! The page of a campaign: certificate, comparison, coefficients, and the diagnosis if there is one.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use shared::model::NOMINAL;
 
+use super::certificate::Certificate;
 use super::figures::{self, Figure};
+use super::frame::{self, Section};
 use super::remarks::{self, Severity};
-use super::{Report, scientific, text};
+use super::{Report, diagnosis, scientific, text};
+use crate::diagnose::Study;
 use crate::error::Error;
-use crate::quantity::Quantity;
+use crate::quantity::{Quantity, fixed};
 use crate::statics::MEANINGS;
 
-pub(super) const STYLE: &str = "
-:root { color-scheme: light; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 50rem; padding: 1.5rem 1.2rem 3rem; background: #fff; color: #222;
-  font: 16px/1.5 system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif; }
-h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 .3rem; }
-h2 { font-size: 1.25rem; margin: 2.4rem 0 .5rem; padding-top: .6rem; border-top: 2px solid #ddd; }
-p { margin: .5rem 0; }
-.lead { font-size: 1.08rem; }
-.remark { border-left: 6px solid #0072b2; background: #eef5fa; padding: .6rem 1rem; margin: .8rem 0; }
-.remark.warning { border-color: #d55e00; background: #fdf1e8; }
-.remark h3 { margin: 0; font-size: 1.02rem; }
-.remark p { margin: .2rem 0 0; }
-figure { margin: 1rem 0 1.4rem; }
-figure svg { max-width: 100%; height: auto; }
-.pair { display: flex; flex-wrap: wrap; }
-.pair > svg { flex: 1 1 18rem; min-width: 0; max-width: 50%; }
-.legend { display: flex; flex-wrap: wrap; gap: .1rem 1.3rem; list-style: none; margin: .2rem 0 .3rem; padding: 0;
-  font-size: .88rem; }
-.legend li { display: flex; align-items: center; gap: .45rem; }
-figcaption { font-size: .93rem; color: #333; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .9rem; margin: .6rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: .2rem .7rem; border-bottom: 1px solid #ddd; text-align: left; }
-th { border-bottom: 2px solid #999; vertical-align: bottom; }
-sub, sup { line-height: 0; font-size: .75em; }
-.number { text-align: right; white-space: nowrap; }
-.far { background: #fdf1e8; font-weight: 600; }
-footer { margin-top: 2.5rem; border-top: 1px solid #ddd; padding-top: .6rem; font-size: .85rem; color: #444; }
-@media print {
-  body { max-width: none; padding: 0; font-size: 10.5pt; }
-  h2 { break-after: avoid; }
-  figure, .remark, tr { break-inside: avoid; }
-  thead { display: table-header-group; }
-  .wide { overflow: visible; }
-  * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
-}
-";
-
 /// The whole page.
-pub(super) fn page(report: &Report) -> Result<String, Error> {
+pub(super) fn page(
+    report: &Report,
+    certificate: &Certificate,
+    study: Option<&Study>,
+) -> Result<String, Error> {
     let serial = &report.campaign.config.instrument.serial;
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "Vibration rectification error of " (serial) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "Vibration rectification error of " (serial) }
-                p.lead { (remarks::summary(report)) }
-                @for remark in &report.remarks {
-                    div.remark.warning[remark.severity == Severity::Warning] {
-                        h3 { @if remark.severity == Severity::Warning { "Warning: " } (remark.heading) }
-                        p { (remark.text) }
-                    }
-                }
-                (comparison(report)?)
-                h2 { "Static readings" }
-                (figure(&figures::readings(report))?)
-                (figure(&figures::residuals(report))?)
-                p { (chi_square(report)) }
-                (coefficients(report)?)
-                (direction(report)?)
-                h2 { "How well the static test predicts, over the level" }
-                (figure(&figures::levels(report))?)
-                (reading_it(report))
-                (runs(report))
-                footer {
-                    "vre " (env!("CARGO_PKG_VERSION")) ", formats vre-campaign/1, " (report.identification.format) ", "
-                    (report.prediction.format) ". The numbers of this page stand in full precision in identification.json and \
-                    prediction.json beside it."
-                }
+    let first = html! {
+        (certificate.markup())
+        p.lead { (remarks::summary(report)) }
+        @if let Some(study) = study { (diagnosis::first(&study.diagnosis)) }
+        @for remark in &report.remarks {
+            div.remark.warning[remark.severity == Severity::Warning] {
+                h3 { @if remark.severity == Severity::Warning { "Warning: " } (remark.heading) }
+                p { (remark.text) }
             }
         }
     };
-    Ok(page.into_string())
+    let section = |id, title, body| Section { id, title, body };
+    let blind = match report.direction.blind {
+        true => "What no reading sees",
+        false => "What the readings see least",
+    };
+    let mut sections = vec![section(
+        "compared",
+        "Predicted against measured",
+        comparison(report)?,
+    )];
+    if let Some(study) = study {
+        sections.extend(diagnosis::sections(study)?);
+    }
+    sections.extend([
+        section("readings", "Static readings", readings(report)?),
+        section(
+            "coefficients",
+            "Coefficients from the static test",
+            coefficients(report)?,
+        ),
+        section("direction", blind, direction(report)?),
+        section(
+            "levels",
+            "How well the static test predicts, over the level",
+            figure(&figures::levels(report))?,
+        ),
+        section("reading", "How to read this", reading_it(report)),
+        section("inputs", "What went in", inputs(report)),
+        section("runs", "All runs", runs(report)),
+    ]);
+    let foot = html! {
+        "formats vre-campaign/1, " (report.identification.format) ", " (report.prediction.format) ". The numbers of this page stand in full \
+        precision in identification.json and prediction.json beside it."
+    };
+    let title = format!("Vibration rectification error of {serial}");
+    Ok(frame::page(&title, &first, &sections, &foot))
+}
+
+fn readings(report: &Report) -> Result<Markup, Error> {
+    Ok(html! {
+        (figure(&figures::readings(report))?)
+        (figure(&figures::residuals(report))?)
+        p { (chi_square(report)) }
+    })
 }
 
 pub(super) fn figure(figure: &Figure) -> Result<Markup, Error> {
@@ -122,7 +107,6 @@ pub(super) fn figure(figure: &Figure) -> Result<Markup, Error> {
 fn comparison(report: &Report) -> Result<Markup, Error> {
     let (Some(compared), Some(gaps)) = (figures::comparison(report), figures::gaps(report)) else {
         return Ok(html! {
-            h2 { "Predicted against measured" }
             p {
                 "Missing: a vibration.csv with measured output. With it, this section would show the predicted beside the \
                 measured vibration error of every run, and a fit of the model to static test and shaker together."
@@ -130,10 +114,42 @@ fn comparison(report: &Report) -> Result<Markup, Error> {
         });
     };
     Ok(html! {
-        h2 { "Predicted against measured" }
         (figure(&compared)?)
         (figure(&gaps)?)
+        (worst(report))
     })
+}
+
+/// Runs in the list of those farthest off.
+const WORST: usize = 10;
+
+/// The runs farthest from the fit to static test and shaker, or from the static prediction without one.
+fn worst(report: &Report) -> Markup {
+    let mut gaps = remarks::gaps(report);
+    let size = |gap: &remarks::Gap| gap.from_refit.unwrap_or(gap.from_static).abs();
+    gaps.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    let number = |gap: f64| fixed(gap, 1).replace('-', "\u{2212}");
+    let rows = gaps.iter().take(WORST).filter_map(|gap| {
+        let mut runs = report.campaign.runs.iter();
+        Some((gap, runs.find(|run| run.run == gap.run)?))
+    });
+    html! {
+        div.wide { table.fold {
+            caption { "The runs farthest off, in units of their uncertainty; row is the line in the table of runs" }
+            thead { tr {
+                th.number { "Run" } th.number { "Row" } th { "Vibration" } th { "Along" } th.number { "Static test" }
+                th.number { "Static + shaker" }
+            } }
+            tbody { @for (gap, run) in rows { tr {
+                td.number data-label="Run" { (run.run) }
+                td.number data-label="Row" { (run.line) }
+                td data-label="Vibration" { (text::vibration(run)) }
+                td data-label="Along" { (text::along(run.direction).replace('-', "\u{2212}")) }
+                td.number data-label="Static test" { (number(gap.from_static)) }
+                td.number data-label="Static + shaker" { (gap.from_refit.map_or("\u{2013}".into(), number)) }
+            } } }
+        } }
+    }
 }
 
 fn chi_square(report: &Report) -> String {
@@ -185,7 +201,6 @@ fn concise(quantity: Quantity) -> String {
 fn coefficients(report: &Report) -> Result<Markup, Error> {
     let found = &report.identification;
     Ok(html! {
-        h2 { "Coefficients from the static test" }
         div.wide { table {
             thead { tr { th { "" } th { "Coefficient" } th.number { "Value" } th { "Unit" } } }
             tbody {
@@ -225,7 +240,6 @@ fn direction(report: &Report) -> Result<Markup, Error> {
         1e6 * (direction.vre_g_per_unit * direction.sigma).abs()
     );
     Ok(html! {
-        h2 { @if direction.blind { "What no reading sees" } @else { "What the readings see least" } }
         p {
             @if direction.blind {
                 @if direction.among_even_terms() {
@@ -247,6 +261,32 @@ fn direction(report: &Report) -> Result<Markup, Error> {
 }
 
 fn reading_it(report: &Report) -> Markup {
+    html! {
+        p {
+            "Vibration rectification error (VRE) is the change of the mean output under vibration. Numbers in parentheses are \
+            standard uncertainties (coverage factor k = 1); bars in the pictures are intervals of k = 2, which hold the truth \
+            in about 95 % of cases. \u{201c}From the static test\u{201d} uses the readings on the dividing head alone; \
+            \u{201c}static + shaker\u{201d} fits the same model to these and the shaker runs together, so it is no independent \
+            test of a run that went into it."
+        }
+        p {
+            @match report.prediction.prior_sigma {
+                Some(sigma) => {
+                    "Assumed, because the plan is blind: every coefficient but K" sub { "1" } " is 0 \u{b1} "
+                    (scientific(sigma))
+                    " in its own unit before the first reading. It enters the predictions, not the table of coefficients."
+                }
+                None => {
+                    "No prior knowledge of the coefficients is assumed in the predictions."
+                }
+            }
+            " The level of a run is the commanded one. The third and fourth moments of a random run are those that the reference \
+            accelerometer saw, if it did."
+        }
+    }
+}
+
+fn inputs(report: &Report) -> Markup {
     let config = &report.campaign.config;
     let bench = &config.bench;
     let inputs: [(&str, String); 9] = [
@@ -282,29 +322,6 @@ fn reading_it(report: &Report) -> Markup {
         ),
     ];
     html! {
-        h2 { "How to read this" }
-        p {
-            "Vibration rectification error (VRE) is the change of the mean output under vibration. Numbers in parentheses are \
-            standard uncertainties (coverage factor k = 1); bars in the pictures are intervals of k = 2, which hold the truth \
-            in about 95 % of cases. \u{201c}From the static test\u{201d} uses the readings on the dividing head alone; \
-            \u{201c}static + shaker\u{201d} fits the same model to these and the shaker runs together, so it is no independent \
-            test of a run that went into it."
-        }
-        p {
-            @match report.prediction.prior_sigma {
-                Some(sigma) => {
-                    "Assumed, because the plan is blind: every coefficient but K" sub { "1" } " is 0 \u{b1} "
-                    (scientific(sigma))
-                    " in its own unit before the first reading. It enters the predictions, not the table of coefficients."
-                }
-                None => {
-                    "No prior knowledge of the coefficients is assumed in the predictions."
-                }
-            }
-            " The level of a run is the commanded one. The third and fourth moments of a random run are those that the reference \
-            accelerometer saw, if it did."
-        }
-        h2 { "What went in" }
         div.wide { table {
             thead { tr { th { "Standard uncertainties and constants of campaign.toml and static.csv" } th.number { "Value" } } }
             tbody { @for (name, value) in &inputs { tr { td { (name) } td.number { (value) } } } }
@@ -337,29 +354,28 @@ fn runs(report: &Report) -> Markup {
             .map(|gap| gap.from_static)
     };
     html! {
-        h2 { "All runs" }
         @if report.campaign.runs.is_empty() {
             p { "Missing: vibration.csv, one row a shaker run. " }
         } @else {
             p { "Vibration error in 10" sup { "\u{2212}6" } " g; the gap is measured less predicted from the static test in units of its standard uncertainty, marked beyond 3." }
-            div.wide { table {
+            div.wide { table.fold.full {
                 thead { tr {
-                    th.number { "Run" } th { "Vibration" } th { "Along I, P, O" } th.number { "a" sub { "0,I" } " / g" }
+                    th.number { "Run" } th { "Vibration" } th { "Along" } th.number { "a" sub { "0,I" } " / g" }
                     th.number { "From static test" } th.number { "Static + shaker" } th.number { "Measured" } th.number { "Gap" }
                 } }
                 tbody {
                     @for (run, predicted) in report.campaign.runs.iter().zip(&report.prediction.runs) {
                         tr {
-                            td.number { (run.run) }
-                            td { (text::vibration(run)) }
-                            td { (run.direction.map(|c| format!("{c:.2}")).join(", ").replace('-', "\u{2212}")) }
-                            td.number { (format!("{:.2}", run.specific_force_g.i).replace('-', "\u{2212}")) }
-                            td.number { (cell(Some(predicted.vre_g))) }
-                            td.number { (cell(predicted.refit_vre_g)) }
-                            td.number { (cell(predicted.measured_vre_g)) }
+                            td.number data-label="Run" { (run.run) }
+                            td data-label="Vibration" { (text::vibration(run)) }
+                            td data-label="Along" { (text::along(run.direction).replace('-', "\u{2212}")) }
+                            td.number data-label="Gravity on IA / g" { (fixed(run.specific_force_g.i, 2).replace('-', "\u{2212}")) }
+                            td.number data-label="From static test" { (cell(Some(predicted.vre_g))) }
+                            td.number data-label="Static + shaker" { (cell(predicted.refit_vre_g)) }
+                            td.number data-label="Measured" { (cell(predicted.measured_vre_g)) }
                             @match gap(run.run) {
-                                Some(gap) => td.number.far[gap.abs() > 3.0] { (format!("{gap:.1}").replace('-', "\u{2212}")) },
-                                None => td.number { "\u{2013}" },
+                                Some(gap) => td.number.far[gap.abs() > 3.0] data-label="Gap" { (fixed(gap, 1).replace('-', "\u{2212}")) },
+                                None => td.number data-label="Gap" { "\u{2013}" },
                             }
                         }
                     }

@@ -50,6 +50,8 @@ pub(super) enum Ticks {
     Every(f64),
     /// At 1, 2 and 5 times the powers of ten; the axis holds decimal logarithms.
     Decades,
+    /// At zero and at plus and minus the powers of ten; the axis holds [`symmetric`] values, linear within this.
+    Symmetric(f64),
     /// At 0, 1, 2 ..., with these names.
     Names(Vec<String>),
 }
@@ -87,6 +89,26 @@ pub(super) struct Point {
     pub y: f64,
     pub x_bar: f64,
     pub y_bar: f64,
+    pub name: Option<Name>,
+}
+
+/// What a point is of, told where a pointer rests on it.
+#[derive(Clone, Copy)]
+pub(super) enum Name {
+    /// A shaker run, and its line of the table.
+    Run(u64, u64),
+    /// A reading, and its line of the table.
+    Reading(u64, u64),
+}
+
+impl Name {
+    fn text(self) -> String {
+        match self {
+            Self::Run(run, 0) => format!("run {run}"),
+            Self::Run(run, line) => format!("run {run}, row {line} of vibration"),
+            Self::Reading(order, line) => format!("reading {order}, row {line} of static"),
+        }
+    }
 }
 
 impl Layer {
@@ -272,8 +294,17 @@ fn escape(text: &str) -> String {
 }
 
 impl Plot {
-    /// The drawing, without its legend.
+    /// The drawing, without its legend; points that have a name tell it.
     pub(super) fn svg(&self) -> Result<String, Error> {
+        let mut named = String::new();
+        let drawing = self.drawing(&mut named)?;
+        Ok(match drawing.rsplit_once("</svg>") {
+            Some((drawn, after)) => format!("{drawn}{named}</svg>{after}"),
+            None => drawing,
+        })
+    }
+
+    fn drawing(&self, named: &mut String) -> Result<String, Error> {
         let ink = |size: u32| {
             ("sans-serif", f64::from(size * FINE) * PLOTTERS_FONT)
                 .into_font()
@@ -302,16 +333,46 @@ impl Plot {
                 .draw()?;
             self.layers
                 .iter()
-                .try_for_each(|layer| layer.draw(&mut chart))
+                .try_for_each(|layer| layer.draw(&mut chart))?;
+            for layer in &self.layers {
+                if let Shape::Points(_, points) = &layer.shape {
+                    points
+                        .iter()
+                        .for_each(|point| name_point(point, &chart, named));
+                }
+            }
+            Ok(())
         })
+    }
+}
+
+/// Radius about a point within which a pointer rests on it, in drawing units.
+const NEAR: u32 = 10;
+
+/// Something invisible over a point that tells its name.
+fn name_point(point: &Point, chart: &Chart<'_, '_>, named: &mut String) {
+    if let Some(name) = point.name {
+        let (x, y) = chart.backend_coord(&(point.x, point.y));
+        let text = name.text();
+        *named += &format!(
+            "<circle cx=\"{x}\" cy=\"{y}\" r=\"{NEAR}\" fill=\"transparent\"><title>{text}</title></circle>"
+        );
     }
 }
 
 /// plotters takes the height of a line of text for the size of the font.
 const PLOTTERS_FONT: f64 = 1.24;
 
+/// A value on a symmetric logarithmic axis that is linear about zero within `linear`.
+pub(super) fn symmetric(value: f64, linear: f64) -> f64 {
+    (value / linear).asinh()
+}
+
 impl Axis {
     fn scale(&self) -> Scale {
+        if let Ticks::Symmetric(linear) = self.ticks {
+            return self.symmetric_scale(linear);
+        }
         if let Ticks::Decades = self.ticks {
             return self.logarithmic_scale();
         }
@@ -345,9 +406,24 @@ impl Axis {
         }
     }
 
+    /// Marks at zero and at the powers of ten from the linear part on.
+    fn symmetric_scale(&self, linear: f64) -> Scale {
+        let first = linear.log10().ceil() as i32;
+        let powers = (first..first + 12).map(|decade| 10f64.powi(decade));
+        let both = powers.flat_map(|power| [power, -power]);
+        let marks = std::iter::once(0.0).chain(both).map(|value| {
+            let text = crate::error::decimal(value).replace('-', "\u{2212}");
+            (symmetric(value, linear), text)
+        });
+        Scale {
+            range: self.range.clone(),
+            marks: marks.filter(|(at, _)| self.range.contains(at)).collect(),
+        }
+    }
+
     fn step(&self) -> f64 {
         match self.ticks {
-            Ticks::Names(_) | Ticks::Decades => 1.0,
+            Ticks::Names(_) | Ticks::Decades | Ticks::Symmetric(_) => 1.0,
             Ticks::Every(step) => step,
             Ticks::Round(count) => {
                 let rough = (self.range.end - self.range.start) / count.max(1) as f64;

@@ -3,11 +3,12 @@
 use std::fs;
 use std::path::Path;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use shared::triad::body::Axis as BodyAxis;
 
 use super::figures::{Figure, WIDTH};
-use super::page::{STYLE, figure};
+use super::frame::{self, Section};
+use super::page::figure;
 use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour};
 use crate::campaign::TriadCampaign;
 use crate::error::Error;
@@ -52,34 +53,38 @@ pub fn write(campaign: &TriadCampaign, out: &Path) -> Result<TriadReport, Error>
 
 fn page(campaign: &TriadCampaign, report: &TriadReport) -> Result<String, Error> {
     let found = &report.identification;
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "Vibration rectification error of the triad " (found.serial) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "Vibration rectification error of the triad " (found.serial) }
-                p.lead { (lead(found)) }
-                h2 { "Where the triad stood" }
-                (figure(&sphere(campaign, found))?)
-                h2 { "What the positions leave" }
-                (figure(&residuals(found))?)
-                p { (left_out(found)) }
-                (coefficients(found))
-                (blind(found))
-                @if let Some(prediction) = &report.prediction { (runs(campaign, prediction)) }
-                footer {
-                    "vre " (env!("CARGO_PKG_VERSION")) ", formats vre-campaign/1, " (found.format) ". The numbers of this page stand \
-                    in full precision in identification.json beside it."
-                }
-            }
-        }
+    let section = |id, title, body| Section { id, title, body };
+    let left = html! { (figure(&residuals(found))?) p { (left_out(found)) } };
+    let mut sections = vec![
+        section(
+            "stood",
+            "Where the triad stood",
+            figure(&sphere(campaign, found))?,
+        ),
+        section("left", "What the positions leave", left),
+        section("coefficients", "Coefficients", coefficients(found)),
+        section(
+            "blind",
+            "What the orientations could not tell",
+            blind(found),
+        ),
+    ];
+    if let Some(prediction) = &report.prediction {
+        sections.push(section(
+            "runs",
+            "Vibration error, predicted and measured",
+            runs(campaign, prediction),
+        ));
+    }
+    let foot = html! {
+        "formats vre-campaign/1, " (found.format) ". The numbers of this page stand in full precision in identification.json beside it."
     };
-    Ok(page.into_string())
+    let title = format!(
+        "Vibration rectification error of the triad {}",
+        found.serial
+    );
+    let first = html! { p.lead { (lead(found)) } };
+    Ok(frame::page(&title, &first, &sections, &foot))
 }
 
 fn lead(found: &TriadIdentification) -> String {
@@ -237,7 +242,6 @@ fn minus(quantity: Quantity) -> String {
 
 fn coefficients(found: &TriadIdentification) -> Markup {
     html! {
-        h2 { "Coefficients" }
         div.wide { table {
             thead { tr { th { "" } th { "Coefficient" } @for axis in BodyAxis::ALL { th.number { (axis.name()) } } } }
             tbody {
@@ -263,7 +267,6 @@ fn blind(found: &TriadIdentification) -> Markup {
     let plain = || found.blind_directions.iter().filter(|d| d.len() <= 4);
     let others = found.blind_directions.len() - plain().count();
     html! {
-        h2 { "What the orientations could not tell" }
         p { "By themselves they tell " (found.rank) " of 33 directions, " (found.rank_with_prior) " with frame and prior." }
         @if !found.blind_directions.is_empty() {
             ul {
@@ -279,7 +282,6 @@ fn blind(found: &TriadIdentification) -> Markup {
 fn runs(campaign: &TriadCampaign, prediction: &TriadPrediction) -> Markup {
     let cell = |q: Option<Quantity>| q.map_or("\u{2013}".into(), |q| minus(q.scaled(1e6)));
     html! {
-        h2 { "Vibration error, predicted and measured" }
         div.wide { table {
             thead { tr {
                 th.number { "Run" } th { "Axis" } th { "Along x, y, z" } th.number { "Level / g" }
