@@ -4,6 +4,7 @@
 //! `commands!`.
 
 mod console;
+mod operator;
 mod triad;
 
 use std::ffi::OsString;
@@ -57,11 +58,13 @@ commands! {
     paper::Paper,
     plan::Plan,
     predict::Predict,
+    reduce::Reduce,
     report::Report,
     rests::Rests,
     simulate::Simulate,
     unseal::Unseal,
     verify::Verify,
+    watch::Watch,
 }
 
 /// Vibration rectification error of a navigation accelerometer: predicted from a static test, compared with
