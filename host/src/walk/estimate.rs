@@ -1,21 +1,16 @@
 //! What the readings so far make of the instrument: what the next one should be, and the vibration error that they predict.
 
 use shared::identify::static_test::{self, Fit, StaticTest};
-use shared::model::{Coefficients, NOMINAL, SpecificForce, terms};
+use shared::model::{Coefficients, NOMINAL};
 use shared::rectification::Sensitivity;
-use shared::tumble::{ARCSEC_RAD, Position};
+use shared::tumble::Position;
 
+use super::expectation::Expectation;
 use crate::bench::plan::Dwell;
 use crate::campaign::{Bench, CampaignConfig, Reading};
 use crate::quantity::Quantity;
 use crate::statics::least_squares::Workspace;
 use crate::statics::{self, DEFAULT_PRIOR_SIGMA, Environment};
-
-/// Standard deviation about zero of every coefficient but K1 for what a reading should be: ten times that of a prediction, so
-/// that a badly mounted instrument (some milliradians) is no alarm.
-const WIDE_PRIOR_SIGMA: f64 = 10.0 * DEFAULT_PRIOR_SIGMA;
-/// Relative standard deviation of a type's scale factor, for the first reading: "some per cent".
-const TYPE_REL_SIGMA: f64 = 0.03;
 
 /// A reading so many standard uncertainties off what was expected is red. Chosen: a sound one is in 16 000 cases of Gaussian
 /// deviations; an angle wrong by 0.1 deg is some 30.
@@ -37,106 +32,28 @@ pub struct Judgement {
 /// The instrument by the readings so far.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    bench: Bench,
-    nominal_v_per_g: f64,
-    /// With the wide prior, for what a reading should be.
-    wide: Option<Fit<f64>>,
-    /// With that of a prediction, where it is needed.
+    expectation: Expectation,
+    /// With the prior of a prediction, for what the readings predict.
     fit: Option<Fit<f64>>,
-    /// Pairs of series and mount that were seen.
-    mounts: Vec<(u8, u64)>,
 }
 
 impl Estimate {
     /// By these readings; without any, by the type.
     pub fn new(config: &CampaignConfig, readings: &[Reading]) -> Self {
-        let mut estimate = Self {
-            bench: config.bench.clone(),
-            nominal_v_per_g: config.instrument.scale_factor_nominal_v_per_g,
-            wide: None,
-            fit: None,
-            mounts: readings
-                .iter()
-                .map(|r| mount(r.series, r.mount_deg))
-                .collect(),
-        };
-        let mut workspace = Workspace::of(readings.iter().map(statics::position));
-        let mut about = Coefficients {
-            scale_factor_v_per_g: estimate.nominal_v_per_g,
-            ..Coefficients::default()
-        };
-        let mut mounts = Vec::new();
-        // The second pass is about what the first found.
-        for _ in 0..2 {
-            let Some(mut test) =
-                absorbed(&mut workspace, &estimate.bench, about, &mounts, readings)
-            else {
-                return estimate;
-            };
-            let solve = |sigma: f64| test.solve(Some(&[sigma; NOMINAL])).ok();
-            estimate.wide = solve(WIDE_PRIOR_SIGMA);
-            estimate.fit = solve(DEFAULT_PRIOR_SIGMA);
-            if let Some(wide) = &estimate.wide {
-                about = wide.coefficients;
-                mounts = test.mount_estimates(&about).collect();
-            }
+        Self {
+            expectation: Expectation::new(config, readings),
+            fit: fitted(config, readings),
         }
-        estimate
     }
 
     /// Scale factor, V/g.
     pub fn scale_factor_v_per_g(&self) -> f64 {
-        let fitted = self.wide.as_ref();
-        fitted.map_or(self.nominal_v_per_g, |fit| {
-            fit.coefficients.scale_factor_v_per_g
-        })
+        self.expectation.scale_factor_v_per_g()
     }
 
-    /// What a reading at a position should be and its standard uncertainty, V, before noise.
+    /// What a reading at a position should be and its standard uncertainty, V, apart from its noise.
     pub fn expected_v(&self, dwell: &Dwell) -> (f64, f64) {
-        let g = self.bench.local_gravity_g;
-        let position = Position {
-            series: dwell.series,
-            dial_deg: dwell.dial_deg,
-            mount_deg: dwell.mount_deg,
-        };
-        let a = scaled(position.specific_force(), g);
-        let tangent = scaled(dwell.series.tangent(position.phi_rad()), g);
-        let lift = scaled(dwell.series.lift(), g);
-        let (value_v, of_fit_v, model) = match &self.wide {
-            Some(fit) => {
-                let value_v = fit.coefficients.output_v(a);
-                (value_v, fit_sigma_v(fit, a), fit.coefficients)
-            }
-            None => {
-                let about_type = TYPE_REL_SIGMA * a.i;
-                let others = WIDE_PRIOR_SIGMA * (NOMINAL as f64 - 1.0).sqrt();
-                let sigma_v = self.nominal_v_per_g.abs() * about_type.hypot(others);
-                let model = Coefficients {
-                    scale_factor_v_per_g: self.nominal_v_per_g,
-                    ..Coefficients::default()
-                };
-                (model.output_v(a), sigma_v, model)
-            }
-        };
-        let slope = model.gradient(a);
-        let k1 = model.scale_factor_v_per_g;
-        let known_mount = self.mounts.contains(&mount(dwell.series, dwell.mount_deg));
-        let mount_arcsec = if known_mount {
-            0.0
-        } else {
-            self.bench.mount_sigma_arcsec
-        };
-        let angle_arcsec = [
-            self.bench.dial_sigma_arcsec,
-            self.bench.dial_repeat_sigma_arcsec,
-            self.bench.level_sigma_arcsec,
-            mount_arcsec,
-        ];
-        let angle_arcsec = angle_arcsec.into_iter().fold(0.0, f64::hypot);
-        let by_angle = k1 * inner(slope, tangent) * ARCSEC_RAD * angle_arcsec;
-        let by_lift = k1 * inner(slope, lift) * ARCSEC_RAD * self.bench.level_sigma_arcsec;
-        (value_v, of_fit_v.hypot(by_angle).hypot(by_lift))
+        self.expectation.of(&position(dwell), 0.0)
     }
 
     /// Judges a reading that did not go into this estimate. `before` is where the dial stood for the reading before it.
@@ -149,9 +66,9 @@ impl Estimate {
         };
         let k1 = self.scale_factor_v_per_g();
         let off = |dwell: &Dwell| {
-            let (expected_v, sigma_v) = self.expected_v(dwell);
+            let (expected_v, sigma_v) = self.expectation.of(&position(dwell), reading.sigma_v);
             let residual_v = reading.output_v - expected_v;
-            (residual_v / k1, residual_v / sigma_v.hypot(reading.sigma_v))
+            (residual_v / k1, residual_v / sigma_v)
         };
         let (residual_g, sigmas) = off(&dwell);
         let sound = sigmas.abs() <= RED;
@@ -229,7 +146,25 @@ impl Estimate {
     }
 }
 
-/// The static test of these readings, if the first of them can be fitted at all.
+/// The nominal model fitted to the readings, in two passes; none while they do not tell the scale factor.
+fn fitted(config: &CampaignConfig, readings: &[Reading]) -> Option<Fit<f64>> {
+    let mut workspace = Workspace::of(readings.iter().map(statics::position));
+    let mut about = Coefficients {
+        scale_factor_v_per_g: config.instrument.scale_factor_nominal_v_per_g,
+        ..Coefficients::default()
+    };
+    let (mut mounts, mut fit) = (Vec::new(), None);
+    for _ in 0..2 {
+        let mut test = absorbed(&mut workspace, &config.bench, about, &mounts, readings)?;
+        let found = test.solve(Some(&[DEFAULT_PRIOR_SIGMA; NOMINAL])).ok()?;
+        about = found.coefficients;
+        mounts = test.mount_estimates(&about).collect();
+        fit = Some(found);
+    }
+    fit
+}
+
+/// The static test of these readings, if all of them can be fitted.
 fn absorbed<'w>(
     workspace: &'w mut Workspace,
     bench: &Bench,
@@ -249,32 +184,13 @@ fn absorbed<'w>(
         });
         absorbed.ok()?;
     }
-    (!readings.is_empty()).then_some(test)
+    Some(test)
 }
 
-/// Standard uncertainty of the output that a fit expects, V.
-fn fit_sigma_v(fit: &Fit<f64>, a: SpecificForce<f64>) -> f64 {
-    let k1 = fit.coefficients.scale_factor_v_per_g;
-    let mut row = terms(a).map(|term| k1 * term);
-    // U = K1 times the bracket: dU/dK1 is the bracket itself.
-    row[0] = fit.coefficients.output_g(a);
-    let mut variance = 0.0;
-    for (j, by_j) in row.iter().enumerate() {
-        for (k, by_k) in row.iter().enumerate() {
-            variance += by_j * fit.covariance[j][k] * by_k;
-        }
+fn position(dwell: &Dwell) -> Position {
+    Position {
+        series: dwell.series,
+        dial_deg: dwell.dial_deg,
+        mount_deg: dwell.mount_deg,
     }
-    variance.max(0.0).sqrt()
-}
-
-fn mount(series: crate::campaign::Series, mount_deg: f64) -> (u8, u64) {
-    (u8::from(series), mount_deg.to_bits())
-}
-
-fn scaled(a: SpecificForce<f64>, factor: f64) -> SpecificForce<f64> {
-    SpecificForce::new(factor * a.i, factor * a.p, factor * a.o)
-}
-
-fn inner(x: SpecificForce<f64>, y: SpecificForce<f64>) -> f64 {
-    x.i * y.i + x.p * y.p + x.o * y.o
 }

@@ -11,6 +11,7 @@
 //! ```
 
 mod estimate;
+mod expectation;
 mod live;
 mod machine;
 mod stops;
