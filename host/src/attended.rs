@@ -126,10 +126,8 @@ pub fn measure<C: Connection>(
     // A lost link matters more than what it left.
     walked?;
     let ledger = closed.transpose()?.unwrap_or_default();
-    let any = ledger.readings().next().is_some();
-    let campaign = any.then(|| folder.write_tables(&test.config, &ledger));
     Ok(Attended {
-        campaign: campaign.transpose()?,
+        campaign: folder.write_tables(&test.config, &ledger)?,
         tally,
         missing: walk.stops().missing(),
     })
@@ -340,17 +338,11 @@ impl<'a, C: Connection> Session<'a, C> {
         Ok(())
     }
 
-    /// The tables of the readings that count; without any they are not touched.
+    /// The tables of the readings that count.
     fn write_tables(&mut self) -> Result<Option<Campaign>, Error> {
         let recorder = self.recorder.borrow();
-        let ledger = recorder.ledger();
-        match ledger.readings().next() {
-            None => Ok(None),
-            Some(_) => self
-                .folder
-                .write_tables(&self.test.config, ledger)
-                .map(Some),
-        }
+        self.folder
+            .write_tables(&self.test.config, recorder.ledger())
     }
 
     /// The instrument's own self-check; the readings are there, with or without it.
@@ -431,8 +423,7 @@ fn walk(
     let next = ledger.next_reading();
     let config = test.config.clone();
     let mut walk = Walk::new(config, settings, &test.dwells, next, test.temp_c);
-    if ledger.readings().next().is_some() {
-        let campaign = folder.write_tables(&test.config, ledger)?;
+    if let Some(campaign) = folder.write_tables(&test.config, ledger)? {
         walk.take_over(&campaign.readings);
     }
     Ok(walk)

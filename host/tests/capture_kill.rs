@@ -406,3 +406,20 @@ fn another_instrument_than_that_of_the_record_is_refused_before_it_speaks_in_it(
     assert!(fs::read(at.join(RECORD))?.starts_with(&record));
     Ok(())
 }
+
+#[test]
+fn a_reading_that_was_taken_back_is_in_no_table() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let plan = folder.path().join("plan.csv");
+    fs::write(&plan, SHORT_PLAN)?;
+    let at = folder.path().join("campaign");
+    // Measured, taken back, and no more.
+    answered(by_hand("--out", &at, &plan), "\nr\nq\n", None)?;
+    assert!(!at.join("static.csv").exists());
+    let output = reduce(&at).output()?;
+    assert!(one_line(&output).contains("no whole reading"));
+    // It stands in nobody's way.
+    answered(by_hand("--out", &at, &plan), "\n\nq\n", None)?;
+    assert_eq!(in_table(&at)?, 2);
+    Ok(())
+}

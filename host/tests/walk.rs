@@ -351,7 +351,7 @@ fn sound_readings_are_judged_by_a_standard_uncertainty_that_holds() {
         walk.take_over(&campaign.readings);
         let view = walk.view(0.0, Counts::default());
         for reading in &view.readings {
-            let sigmas = sigmas(&reading.reason);
+            let sigmas = reading.sigmas;
             squares += sigmas * sigmas;
             count += 1.0;
             red += usize::from(sigmas.abs() > RED);
@@ -362,12 +362,6 @@ fn sound_readings_are_judged_by_a_standard_uncertainty_that_holds() {
     let width = 4.0 * (2.0_f64 / count).sqrt();
     assert!((mean_square - 1.0).abs() < width, "{mean_square}");
     assert!(red <= 2, "{red}");
-}
-
-fn sigmas(reason: &str) -> f64 {
-    let words = reason.split_whitespace();
-    let number = words.filter_map(|word| word.parse::<f64>().ok()).next();
-    number.unwrap_or_else(|| panic!("{reason}"))
 }
 
 /// Over 60 benches: the vibration error that is shown at the end holds the true one in its interval.

@@ -100,15 +100,12 @@ pub fn capture_until(
     // What was measured is in order, whatever came between.
     let (ledger, tally) = session.finish()?;
     let complete = walked?;
-    let nothing = ledger.readings().next().is_none() && ledger.runs().next().is_none();
-    let campaign = match nothing {
-        true => Campaign {
-            config,
-            readings: Vec::new(),
-            runs: Vec::new(),
-        },
-        false => folder.write_tables(&config, &ledger)?,
-    };
+    let campaign = folder.write_tables(&config, &ledger)?;
+    let campaign = campaign.unwrap_or_else(|| Campaign {
+        config,
+        readings: Vec::new(),
+        runs: Vec::new(),
+    });
     Ok(Captured {
         campaign,
         tally,

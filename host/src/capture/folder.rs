@@ -54,13 +54,16 @@ impl Folder {
         Ok(folder)
     }
 
-    /// The folder of a capture that is to go on, and what its record tells. No record at all tells nothing.
+    /// The folder of a capture that is to go on, and what its record tells.
     ///
     /// # Errors
     /// [`Error::Input`] for a folder that is none of a capture; [`Error::Usage`] if a capture is at work in it.
     pub fn reopen(path: &Path) -> Result<(Self, Ledger), Error> {
         if !path.is_dir() {
             return Err(Error::input(path, "is not the folder of a capture"));
+        }
+        if !path.join(RECORD).exists() {
+            return Err(Error::input(path, format!("holds no {RECORD}")));
         }
         let folder = Self::lock(path, false)?;
         let (ledger, _) = Ledger::read(&folder.record())?;
@@ -174,7 +177,7 @@ impl Folder {
         Ok(recorder)
     }
 
-    /// Writes the tables anew from what the record tells by now.
+    /// Writes the tables anew from what the record tells by now. While nothing counts there is none, and no campaign.
     ///
     /// # Errors
     /// What the file system says; a record without an identity.
@@ -182,10 +185,16 @@ impl Folder {
         &self,
         config: &CampaignConfig,
         ledger: &Ledger,
-    ) -> Result<Campaign, Error> {
+    ) -> Result<Option<Campaign>, Error> {
+        if ledger.is_empty() {
+            for table in TABLES {
+                remove(&self.path.join(table))?;
+            }
+            return Ok(None);
+        }
         let campaign = tables::campaign(config.clone(), ledger, &self.record())?;
         campaign.write(&self.path)?;
-        Ok(campaign)
+        Ok(Some(campaign))
     }
 
     /// campaign.toml as it stands in the folder, or as the record has it if the folder has none.
@@ -213,7 +222,7 @@ impl Folder {
 pub fn tables_of(path: &Path, force: bool) -> Result<(Campaign, Ledger), Error> {
     let (folder, ledger) = Folder::reopen(path)?;
     let record = folder.record();
-    if ledger.readings().next().is_none() && ledger.runs().next().is_none() {
+    if ledger.is_empty() {
         let problem = match ledger.began_unix_ms() {
             Some(_) => "holds no whole reading and no whole run",
             None => "does not say where the dial stood: it was made before records did",

@@ -273,6 +273,11 @@ impl Ledger {
         self.runs.iter().filter(sound)
     }
 
+    /// Whether no reading and no run counts.
+    pub fn is_empty(&self) -> bool {
+        self.readings().next().is_none() && self.runs().next().is_none()
+    }
+
     /// Readings and runs that were begun and are not whole.
     pub fn begun(&self) -> usize {
         let withdrawn = |taken: &&Taken| taken.standing == Standing::Withdrawn;

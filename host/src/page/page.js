@@ -3,6 +3,7 @@
 const $ = id => document.getElementById(id);
 const say = (id, text) => { const e = $(id); if (e.textContent !== text) e.textContent = text; };
 const number = (x, digits) => x === null || x === undefined ? '–' : x.toFixed(digits).replace('-', '\u2212');
+const minus = text => text.replace(/(^|\s)-(?=\d)/g, '$1\u2212');
 const signed = (x, digits) => (x > 0 ? '+' : '') + number(x, digits);
 let view = null, drawn = {};
 
@@ -46,7 +47,7 @@ function now(v) {
   const stop = v.at === null ? null : v.stops[v.at];
   const is = v.phase.is;
   say('count', stop ? `Position ${v.at + 1} of ${v.stops.length}, ${v.readings.length} measured` : `${v.readings.length} of ${v.stops.length} positions measured`);
-  say('what', is === 'lost' ? 'The instrument is lost' : is === 'over' ? 'The test is over' : v.watching ? 'A record' : stop ? place(stop) : 'All positions are measured');
+  say('what', v.watching ? 'A record' : is === 'lost' ? 'The instrument is lost' : is === 'over' ? 'The test is over' : stop ? place(stop) : 'All positions are measured');
   say('how', is === 'lost' ? 'Look at the cable: it goes on when the instrument is there again.'
     : is === 'over' ? `The campaign is in ${v.folder}. Next: vre identify ${v.folder}`
     : is === 'paused' ? 'Paused. Measure goes on.'
@@ -112,30 +113,38 @@ function live(v) {
 
 const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const charts = {};
-function chart(id, series, bands, data, label) {
-  const width = Math.max(200, $(id).clientWidth), dark = color('--ground');
-  const key = width + dark;
-  if (!charts[id] || charts[id].key !== key) {
-    if (charts[id]) charts[id].plot.destroy();
-    const axis = { stroke: color('--dim'), grid: { stroke: color('--line'), width: .5 }, ticks: { stroke: color('--line') } };
-    const plot = new uPlot({ width, height: 220, cursor: { show: false }, legend: { show: false }, scales: { x: { time: false } }, series, bands,
-      axes: [{ ...axis, label: label[0], labelSize: 20 }, { ...axis, label: label[1], labelSize: 20, size: 76, values: (_, ticks) => ticks.map(t => number(t, label[2](ticks))) }] }, data, $(id));
-    charts[id] = { key, plot };
-  } else charts[id].plot.setData(data);
+// With a range that is not given the plot chooses its own.
+function chart(id, series, bands, data, label, range) {
+  const width = Math.max(200, $(id).clientWidth), key = width + color('--ground');
+  const known = charts[id] || (charts[id] = {});
+  known.range = range;
+  if (known.key === key) { known.plot.setData(data); return; }
+  if (known.plot) known.plot.destroy();
+  const axis = { stroke: color('--dim'), grid: { stroke: color('--line'), width: .5 }, ticks: { stroke: color('--line') } };
+  const y = { range: (_, low, high) => known.range || uPlot.rangeNum(low, high, .1, true) };
+  known.key = key;
+  known.plot = new uPlot({ width, height: 220, cursor: { show: false }, legend: { show: false }, scales: { x: { time: false }, y }, series, bands,
+    axes: [{ ...axis, label: label[0], labelSize: 20, values: (_, ticks) => ticks.map(t => number(t, 0)) },
+      { ...axis, label: label[1], labelSize: 20, size: 76, values: (_, ticks) => ticks.map(t => number(t, label[2](ticks))) }] }, data, $(id));
 }
 const places = ticks => ticks.length < 2 ? 3 : Math.max(0, Math.min(8, Math.ceil(-Math.log10(Math.abs(ticks[1] - ticks[0])) - 1e-9)));
 function plots(v) {
   const times = v.trace.map(p => p[0]), last = times.length ? times[times.length - 1] : 0;
   const flat = value => times.map(() => value);
-  const around = v.expected_g === null ? [null, null] : [v.expected_g - 2 * v.expected_sigma_g, v.expected_g + 2 * v.expected_sigma_g];
+  const known = v.expected_g !== null, wide = 2 * v.expected_sigma_g;
+  const around = known ? [v.expected_g - wide, v.expected_g + wide] : [null, null];
+  // As near to what is expected as the last seconds are: the band is seen once the dial stands.
+  const off = known ? v.trace.filter(p => last - p[0] < 3).map(p => Math.abs(p[1] - v.expected_g)) : [];
+  const half = 1.3 * Math.max(1.5 * wide, ...off);
+  const range = known ? [v.expected_g - half, v.expected_g + half] : null;
   const line = { stroke: color('--act'), width: 0, points: { show: false } };
   chart('trace', [{}, { stroke: color('--ink'), width: 1.5, points: { show: false } }, line, line], [{ series: [3, 2], fill: color('--band') }],
-    [times.map(t => t - last), v.trace.map(p => p[1]), flat(around[0]), flat(around[1])], ['s before now', 'output, g; band: expected', places]);
+    [times.map(t => t - last), v.trace.map(p => p[1]), flat(around[0]), flat(around[1])], ['s before now', 'g', places], range);
   if (!v.vre || v.vre.history.length < 2) return;
   const h = v.vre.history;
   chart('history', [{}, { stroke: color('--act'), width: 2, points: { show: false } }, line, line], [{ series: [3, 2], fill: color('--band') }],
     [h.map(p => p[0]), h.map(p => 1e6 * p[1]), h.map(p => 1e6 * (p[1] - 2 * p[2])), h.map(p => 1e6 * (p[1] + 2 * p[2]))],
-    ['readings', '10⁻⁶ g; band: ± 2 standard uncertainties', places]);
+    ['readings', '10⁻⁶ g', places]);
 }
 
 const cell = (row, text, kind) => { const td = row.insertCell(); td.textContent = text; if (kind) td.className = kind; return td; };
@@ -145,7 +154,7 @@ function readings(v) {
   drawn.readings = key;
   const last = v.readings[v.readings.length - 1];
   $('verdict').className = last ? !last.sound ? 'bad' : 'good' : '';
-  say('verdict', last ? `${!last.sound ? '✗' : '✓'} Series ${last.series}, dial ${last.dial_deg}°: ${number(last.output_g, 7)} ± ${number(last.sigma_g, 7)} g; ${last.reason}` : 'none yet');
+  say('verdict', last ? `${!last.sound ? '✗' : '✓'} Series ${last.series}, dial ${last.dial_deg}°: ${number(last.output_g, 7)} ± ${number(last.sigma_g, 7)} g; ${minus(last.reason)}` : 'none yet');
   const rows = $('reading-rows');
   rows.textContent = '';
   for (const r of [...v.readings].reverse()) {
@@ -153,10 +162,10 @@ function readings(v) {
     cell(row, r.reading, 'number');
     cell(row, `${r.series} · ${r.dial_deg}°${r.mount_deg ? ` + ${r.mount_deg}°` : ''} ${r.approach}`);
     cell(row, number(r.output_g, 7), 'number');
-    cell(row, signed(1e6 * r.residual_g, 1), 'number');
+    cell(row, `${signed(1e6 * r.residual_g, 1)} (${signed(r.sigmas, 1)})`, 'number');
     const fits = cell(row, r.sound ? '✓' : '✗ ', !r.sound ? 'bad' : 'good');
     fits.title = r.reason;
-    if (!r.sound) fits.append(r.reason);
+    if (!r.sound) fits.append(minus(r.reason));
     cell(row, r.remark);
   }
 }
@@ -165,7 +174,7 @@ function results(v) {
   const key = JSON.stringify([v.coefficients, v.vre && v.vre.text, v.vre && v.vre.enough]);
   if (drawn.results === key) return;
   drawn.results = key;
-  say('vre', v.vre ? `${v.vre.text} × 10⁻⁶ g in ${v.vre.environment} g along IA` : '–');
+  say('vre', v.vre ? `${minus(v.vre.text)} × 10⁻⁶ g in ${v.vre.environment} g along IA` : '–');
   const e = $('enough');
   if (v.vre && v.vre.enough !== null) {
     e.className = v.vre.enough ? 'good' : '';
@@ -178,7 +187,7 @@ function results(v) {
     name.scope = 'row';
     name.textContent = c.meaning;
     row.append(name);
-    cell(row, c.text === 'undetermined' ? 'not yet' : k ? `${c.text} × 10⁻⁶` : `${c.text} V/g`, 'number');
+    cell(row, c.text === 'undetermined' ? 'not yet' : k ? `${minus(c.text)} × 10⁻⁶` : `${minus(c.text)} V/g`, 'number');
   });
 }
 

@@ -113,6 +113,8 @@ pub struct ReadingView {
     pub sigma_g: f64,
     /// Against the readings before it, g.
     pub residual_g: f64,
+    /// The same in its standard uncertainties.
+    pub sigmas: f64,
     /// Whether it fits them.
     pub sound: bool,
     /// Why.
@@ -232,6 +234,7 @@ impl Walk {
                 output_g: reading.output_v / k1,
                 sigma_g: reading.sigma_v / k1.abs(),
                 residual_g: judgement.residual_g,
+                sigmas: judgement.sigmas,
                 sound: judgement.sound,
                 reason: judgement.reason.clone(),
                 remark: judged.remark.clone(),

@@ -224,7 +224,6 @@ fn the_page_holds_at_three_widths_bright_and_dark_and_names_every_control() -> O
             common::resize(&page, width, dark).await?;
             tokio::time::sleep(Duration::from_millis(600)).await;
             let name = format!("{width}-{}.png", if dark { "dark" } else { "bright" });
-            common::picture(&page, &pictures.join(name)).await?;
             assert!(
                 common::holds(&page, "document.documentElement.scrollWidth <= innerWidth").await?,
                 "{width}: something is cut off"
@@ -234,6 +233,8 @@ fn the_page_holds_at_three_widths_bright_and_dark_and_names_every_control() -> O
                 common::holds(&page, large).await?,
                 "{width}: buttons for thumbs"
             );
+            // Taken last: the whole page in one picture is laid out anew.
+            common::picture(&page, &pictures.join(name)).await?;
         }
         let named = "[...document.querySelectorAll('button, input, svg[role], [role=img], [role=progressbar]')].every(e => \
             e.textContent.trim() || e.getAttribute('aria-label') || e.getAttribute('aria-labelledby') || (e.labels && e.labels.length))";
