@@ -45,6 +45,9 @@ pub enum Error {
     /// A picture of the report could not be drawn.
     #[error("a picture cannot be drawn: {0}")]
     Picture(String),
+    /// The person or the system ended the command before its end; the sentence says what there is.
+    #[error("{0}")]
+    Stopped(String),
     /// The command cannot be carried out as it was asked.
     #[error("{0}")]
     Usage(String),
@@ -79,7 +82,11 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::Read { .. } | Self::Usage(_) => 2,
-            Self::Write { .. } | Self::Picture(_) | Self::Link { .. } | Self::Disagreement(_) => 1,
+            Self::Write { .. }
+            | Self::Picture(_)
+            | Self::Link { .. }
+            | Self::Disagreement(_)
+            | Self::Stopped(_) => 1,
         }
     }
 

@@ -1,18 +1,20 @@
 //! The conversation with a live instrument: commands that are answered, and everything that comes in its record, if there is
 //! to be one.
 
+use std::cell::RefCell;
 use std::io::ErrorKind;
-use std::path::Path;
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use shared::wire::board::BoardState;
 use shared::wire::configuration::Certified;
-use shared::wire::framing::Frame;
+use shared::wire::framing::{DELIMITER, Frame};
 use shared::wire::message::{Command, Event, Identity, Refusal, Segment, State, StoreFault};
 use shared::wire::version;
 
+use crate::capture::Recorder;
 use crate::error::Error;
-use crate::record::{Reader, RecordError, Tally, Writer};
+use crate::record::{Reader, RecordError, Tally, hex};
 use crate::source::Source;
 
 /// How often a command is said before the instrument counts as deaf.
@@ -52,7 +54,7 @@ pub struct Kept {
 #[derive(Debug)]
 pub struct Link<S> {
     source: S,
-    writer: Option<Writer>,
+    recorder: Option<Rc<RefCell<Recorder>>>,
     certified: Option<Certified>,
     board: Option<BoardState>,
     state: Option<State>,
@@ -66,26 +68,14 @@ pub struct Link<S> {
 }
 
 impl<S: Source> Link<S> {
-    /// Greets the instrument at the far end of `source`; what comes is appended to the record `file`.
+    /// Greets the instrument at the far end of `source`.
     ///
     /// # Errors
-    /// [`Error::Link`] if nobody answers, or in another version; [`Error::Write`].
-    pub fn open(source: S, file: &Path) -> Result<Self, Error> {
-        Self::greeted(source, Some(Writer::append(file)?))
-    }
-
-    /// The same without a record.
-    ///
-    /// # Errors
-    /// As [`Self::open`].
+    /// [`Error::Link`] if nobody answers, or in another version.
     pub fn unrecorded(source: S) -> Result<Self, Error> {
-        Self::greeted(source, None)
-    }
-
-    fn greeted(source: S, writer: Option<Writer>) -> Result<Self, Error> {
         let mut link = Self {
             source,
-            writer,
+            recorder: None,
             certified: None,
             board: None,
             state: None,
@@ -100,10 +90,33 @@ impl<S: Source> Link<S> {
         Ok(link)
     }
 
+    /// From here on what comes is appended to a record, the greeting first. An instrument that is not that of the record is
+    /// refused before a byte of it is recorded.
+    ///
+    /// # Errors
+    /// As [`Self::unrecorded`]; [`Error::Write`]; [`Error::Link`] for another instrument.
+    pub fn record(&mut self, recorder: &Rc<RefCell<Recorder>>) -> Result<(), Error> {
+        let known = recorder.borrow().ledger().reduction().identity().copied();
+        if let (Some(known), Some(here)) = (known, self.identity)
+            && known.serial != here.serial
+        {
+            return Err(self.broken(format!(
+                "this is instrument {}, the record is of {}",
+                hex(&here.serial),
+                hex(&known.serial)
+            )));
+        }
+        // What begins in the middle of a frame, or ended there, is nobody's.
+        recorder.borrow_mut().write(&[DELIMITER])?;
+        self.reader = Reader::new();
+        self.recorder = Some(Rc::clone(recorder));
+        self.greet().map(|_| ())
+    }
+
     /// Asks the instrument who it is.
     ///
     /// # Errors
-    /// As [`Self::open`].
+    /// As [`Self::unrecorded`].
     pub fn greet(&mut self) -> Result<Identity, Error> {
         let version = version::CURRENT;
         self.command(&Command::Hello { version })?;
@@ -263,17 +276,21 @@ impl<S: Source> Link<S> {
         self.take_each(&mut |_| {})
     }
 
-    /// Takes what has come, or waits as long as the source does.
-    fn take_each(&mut self, each: &mut dyn FnMut(&Event<'_>)) -> Result<(), Error> {
+    /// Takes what has come, or waits as long as the source does, and hands out each event.
+    ///
+    /// # Errors
+    /// As [`Self::listen`].
+    pub fn take_each(&mut self, each: &mut dyn FnMut(&Event<'_>)) -> Result<(), Error> {
         let mut bytes = [0; CHUNK];
         match self.source.read(&mut bytes) {
             Ok(0) => Err(self.broken("lost: the line was closed")),
             Ok(length) => {
                 self.heard = Instant::now();
                 let bytes = &mut bytes[..length];
-                if let Some(writer) = &mut self.writer {
-                    writer.write(bytes)?;
-                    writer.flush()?;
+                if let Some(recorder) = &self.recorder {
+                    let mut recorder = recorder.borrow_mut();
+                    recorder.write(bytes)?;
+                    recorder.flush()?;
                 }
                 self.hear(bytes, each)
             }
@@ -299,9 +316,14 @@ impl<S: Source> Link<S> {
             board,
             state,
             stored,
+            recorder,
             ..
         } = self;
+        let mut absurd = None;
         let fed = reader.feed(bytes, &mut |event, _| {
+            if let Some(recorder) = recorder {
+                absurd = absurd.or(recorder.borrow_mut().hear(&event).err());
+            }
             each(&event);
             match event {
                 Event::Hello(who) => *identity = Some(who),
@@ -317,21 +339,12 @@ impl<S: Source> Link<S> {
             }
             Ok::<(), RecordError>(())
         });
-        fed.map_err(|error| Error::Link {
+        let broken = |problem: String| Error::Link {
             source_name: source.name(),
-            problem: error.to_string(),
-        })
-    }
-
-    /// Hands the record to the disk.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
-    pub fn finish(self) -> Result<Tally, Error> {
-        if let Some(writer) = self.writer {
-            writer.finish()?;
-        }
-        Ok(self.reader.finish())
+            problem,
+        };
+        fed.map_err(|error| broken(error.to_string()))?;
+        absurd.map_or(Ok(()), |error| Err(broken(error.to_string())))
     }
 
     fn broken(&self, problem: impl Into<String>) -> Error {

@@ -51,6 +51,8 @@ pub struct SegmentSums {
     pub moments: Moments<f64>,
     /// Blocks that had samples.
     blocks: u64,
+    /// Blocks that it is going to have; 0 if nobody has said.
+    expected: u64,
     /// Mean code of the instrument's channel block by block, by quarters of the blocks expected.
     quarters: [Trace; 4],
 }
@@ -60,18 +62,17 @@ pub struct SegmentSums {
 pub struct Reduction {
     identity: Option<Identity>,
     segments: BTreeMap<Key, SegmentSums>,
-    /// Blocks in a full reading and in a full plateau, so that quarters are known while they last.
-    reading_blocks: u64,
-    plateau_blocks: u64,
+    /// Blocks that segments are going to have, so that quarters are known while they last.
+    expected: BTreeMap<Key, u64>,
 }
 
 impl Reduction {
-    /// Nothing yet; a reading is going to have `reading_blocks` blocks, a plateau `plateau_blocks`.
-    pub fn new(reading_blocks: u64, plateau_blocks: u64) -> Self {
-        Self {
-            reading_blocks,
-            plateau_blocks,
-            ..Self::default()
+    /// A segment begins, also once more, and is going to have so many blocks: quarters, and with them noise and drift, are
+    /// known only of segments that were announced before their first block.
+    pub fn expect(&mut self, segment: Segment, blocks: u64) {
+        if let Some(key) = Key::new(segment) {
+            self.segments.remove(&key);
+            self.expected.insert(key, blocks);
         }
     }
 
@@ -96,10 +97,6 @@ impl Reduction {
     }
 
     fn absorb_block(&mut self, block: &Block) -> Result<(), ReductionError> {
-        let expected = match block.segment {
-            Segment::Reading(_) => self.reading_blocks,
-            _ => self.plateau_blocks,
-        };
         let Some(key) = Key::new(block.segment) else {
             return Ok(());
         };
@@ -117,10 +114,11 @@ impl Reduction {
             std::collections::btree_map::Entry::Vacant(new) => new.insert(SegmentSums {
                 moments,
                 blocks: 0,
+                expected: self.expected.get(&key).copied().unwrap_or(0),
                 quarters: std::array::from_fn(|_| Trace::new()),
             }),
         };
-        let quarter = (4 * segment.blocks).checked_div(expected);
+        let quarter = (4 * segment.blocks).checked_div(segment.expected);
         if let Some(trace) = quarter.and_then(|q| segment.quarters.get_mut(q as usize)) {
             trace.push(mean)?;
         }
@@ -143,6 +141,11 @@ impl Reduction {
         Ok(identity.reference_v / gain / f64::from(1 << 23))
     }
 
+    /// Whether anything was heard of a reading or a run.
+    pub fn has_segments(&self) -> bool {
+        !self.segments.is_empty()
+    }
+
     /// The sums of a dial reading.
     pub fn reading(&self, number: u32) -> Option<&SegmentSums> {
         self.segments.get(&Key::Reading(number))
@@ -155,6 +158,11 @@ impl Reduction {
 }
 
 impl SegmentSums {
+    /// Blocks that had samples.
+    pub fn blocks(&self) -> u64 {
+        self.blocks
+    }
+
     /// Mean code of the instrument's channel in the second half less that in the first; its variance over segments at rest is four times that
     /// of a segment's mean, whatever is slower than white noise included. `None` of a segment that ended too early.
     pub fn half_difference(&self) -> Option<f64> {

@@ -1,6 +1,6 @@
 //! What the instrument found in its self-check, against the same computation on the host from the same frames.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde::Serialize;
@@ -43,6 +43,8 @@ struct Replay {
     identity: Option<Identity>,
     set_up: Option<SetUp>,
     readings: BTreeMap<u32, ReadingSums>,
+    /// Readings before the check.
+    before: BTreeSet<u32>,
     outcome: Option<Outcome>,
 }
 
@@ -74,6 +76,10 @@ pub fn verify(folder: &Path) -> Result<Verification, Error> {
         .map(|gain| identity.reference_v / f64::from(gain) / f64::from(1 << 23));
     for reading in &campaign.readings {
         let number = u32::try_from(reading.order).ok();
+        // Of a capture that was stopped: the check began anew after it.
+        if number.is_some_and(|number| replay.before.contains(&number)) {
+            continue;
+        }
         let Some(sums) = number.and_then(|number| replay.readings.get(&number)) else {
             return Err(missing(&format!("blocks of reading {}", reading.order)));
         };
@@ -110,11 +116,13 @@ impl Replay {
             Event::Hello(identity) => self.identity = Some(*identity),
             Event::CheckBegun(set_up) => {
                 self.set_up = Some(*set_up);
-                self.readings.clear();
+                self.before
+                    .extend(std::mem::take(&mut self.readings).into_keys());
                 self.outcome = None;
             }
             Event::Block(block) => {
                 if let Segment::Reading(number) = block.segment {
+                    self.before.remove(&number);
                     self.readings.entry(number).or_default().absorb(block);
                 }
             }

@@ -2,11 +2,13 @@
 
 use std::io::Read;
 
-use host::record::{self, Reader, RecordError, Samples, Tally, Writer};
+use host::record::{
+    self, Item, Note, Reader, ReadingNote, RecordError, RunNote, Samples, Tally, Writer,
+};
 use proptest::prelude::*;
 use shared::wire::Event;
 use shared::wire::framing::Frame;
-use shared::wire::message::{Block, Identity, Moments, Raw, Segment, pack};
+use shared::wire::message::{Approach, Block, Identity, Moments, Position, Raw, Segment, pack};
 use shared::wire::version::{CURRENT, MINIMUM};
 
 const SAMPLES: u64 = 8;
@@ -110,6 +112,116 @@ fn appending_continues_a_record() {
     }
     assert_eq!(std::fs::read(&file).unwrap(), frames.concat());
 }
+
+const REMARK: Note<'_> = Note::Remark {
+    reading: Some(7),
+    text: "touched the table",
+};
+
+/// Bytes come cut anywhere, and a note between two pieces: no frame is cut by it, none is lost.
+#[test]
+fn a_note_stands_between_whole_frames_however_the_bytes_come() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = frames(3).concat();
+    for cut in 0..whole.len() {
+        let file = folder.path().join(format!("{cut}.vre"));
+        let mut writer = Writer::append(&file).unwrap();
+        writer.write(&whole[..cut]).unwrap();
+        writer.note(&REMARK).unwrap();
+        writer.write(&whole[cut..]).unwrap();
+        writer.finish().unwrap();
+        let bytes = std::fs::read(&file).unwrap();
+        let (firsts, tally) = read(&bytes);
+        assert_eq!(firsts, [0, SAMPLES, 2 * SAMPLES], "cut at {cut}");
+        assert_eq!((tally.frames, tally.notes, tally.damaged_bytes), (4, 1, 0));
+        let mut notes = 0;
+        record::read_items(bytes.as_slice(), |item, _| {
+            if let Item::Note(note) = item {
+                assert_eq!(note, REMARK);
+                notes += 1;
+            }
+            Ok::<(), RecordError>(())
+        })
+        .unwrap();
+        assert_eq!(notes, 1);
+    }
+}
+
+/// After a power failure the file ends in the middle of a frame.
+#[test]
+fn a_note_after_half_a_frame_is_read_all_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("half.vre");
+    let first = hello(1, 0);
+    std::fs::write(&file, [&first[..], &raw(0, 1)[..20]].concat()).unwrap();
+    let mut writer = Writer::append(&file).unwrap();
+    writer.note(&REMARK).unwrap();
+    writer.finish().unwrap();
+    let (_, tally) = read(&std::fs::read(&file).unwrap());
+    assert_eq!(
+        (tally.frames, tally.notes, tally.damaged_stretches),
+        (1, 1, 1)
+    );
+}
+
+/// The bytes of every kind of note, which no later version may change.
+#[test]
+fn notes_have_the_bytes_that_they_had_before() {
+    let position = Position {
+        reading: 3,
+        series: 2,
+        dial_deg: 135.0,
+        mount_deg: 180.0,
+        approach: Approach::Ccw,
+    };
+    let run = RunNote {
+        run: 4,
+        random: true,
+        direction: [1.0, 0.0, 0.0],
+        level_g: 2.0,
+        band_hz: [20.0, 200.0],
+        a0: [0.0, 0.0, 1.0],
+        time_s: 90.0,
+        temp_c: 22.0,
+        blocks: 400,
+        reference_v_per_g: 0.125,
+    };
+    let reading = ReadingNote {
+        position,
+        time_s: 90.0,
+        temp_c: 22.5,
+        blocks: 100,
+    };
+    let notes = [
+        Note::Began {
+            unix_ms: 1_700_000_000_000,
+        },
+        Note::Head {
+            part: 0,
+            parts: 2,
+            text: "format",
+        },
+        Note::Reading(reading),
+        Note::ReadingTaken { reading: 3 },
+        Note::ReadingWithdrawn { reading: 3 },
+        Note::Run(run),
+        Note::RunTaken { run: 4 },
+        REMARK,
+    ];
+    let hex = |note: &Note<'_>| -> String {
+        let frame = note.frame().unwrap();
+        frame
+            .as_bytes()
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect()
+    };
+    let found: Vec<String> = notes.iter().map(hex).collect();
+    let golden: Vec<&str> = GOLDEN_NOTES.lines().collect();
+    assert_eq!(found, golden);
+}
+
+const GOLDEN_NOTES: &str = include_str!("golden_notes.txt");
 
 #[test]
 fn a_lost_stretch_is_counted_in_frames_and_samples() {

@@ -5,6 +5,7 @@
 
 mod console;
 mod environment;
+mod operator;
 mod triad;
 
 use std::ffi::OsString;
@@ -62,12 +63,14 @@ commands! {
     paper::Paper,
     plan::Plan,
     predict::Predict,
+    reduce::Reduce,
     report::Report,
     rests::Rests,
     simulate::Simulate,
     template::Template,
     unseal::Unseal,
     verify::Verify,
+    watch::Watch,
 }
 
 /// Vibration rectification error of a navigation accelerometer: predicted from a static test, compared with

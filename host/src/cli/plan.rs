@@ -8,7 +8,7 @@ use serde::Serialize;
 use shared::identify::static_test::Bench;
 use shared::model::{NOMINAL, SpecificForce};
 use shared::tumble::{ARCSEC_RAD, Position, full_rank_plan, paper_plan};
-use shared::vibration::{Harmonic, Moments, Random};
+use shared::vibration::{Harmonic, Random};
 
 use super::identify::{condition, sum};
 use super::{Command, Console, positive, read_campaign, triad};
@@ -68,11 +68,29 @@ pub struct Plan {
 /// Strongest vibration that is thought of, g.
 const MAX_LEVEL_G: f64 = 1e6;
 
+/// A vibration as people name it: `sine:2` or `random:1`.
 #[derive(Clone)]
-struct Vibration {
+pub(super) struct Vibration {
     text: String,
     sine: bool,
     level_g: f64,
+}
+
+impl Vibration {
+    /// Along this unit vector, with this systematic specific force on IA, g.
+    pub(super) fn environment(&self, direction: &[f64; 3], a0_i_g: f64) -> Environment {
+        let [i, p, o] = direction.map(|cosine| cosine * self.level_g);
+        let along = SpecificForce::new(i, p, o);
+        let moments = match self.sine {
+            true => Harmonic { amplitude_g: along }.into(),
+            false => Random::along(along).into(),
+        };
+        Environment {
+            name: self.text.clone(),
+            a0_i_g,
+            moments,
+        }
+    }
 }
 
 impl FromStr for Vibration {
@@ -301,21 +319,9 @@ impl Plan {
     }
 
     fn environments(&self) -> Vec<Environment> {
-        let moments = |vibration: &Vibration| -> Moments<f64> {
-            let [i, p, o] = self.direction.map(|cosine| cosine * vibration.level_g);
-            let along = SpecificForce::new(i, p, o);
-            if vibration.sine {
-                Harmonic { amplitude_g: along }.into()
-            } else {
-                Random::along(along).into()
-            }
-        };
-        let environment = |vibration: &Vibration| Environment {
-            name: vibration.text.clone(),
-            a0_i_g: self.a0,
-            moments: moments(vibration),
-        };
-        self.vibration.iter().map(environment).collect()
+        let each = self.vibration.iter();
+        each.map(|vibration| vibration.environment(&self.direction, self.a0))
+            .collect()
     }
 }
 

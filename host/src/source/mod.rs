@@ -1,11 +1,13 @@
 //! Where the bytes of an instrument come from.
 
 mod file;
+mod instrument;
 mod serial;
 
 use std::io;
 
 pub use file::FileSource;
+pub use instrument::{Hand, InstrumentSource, order_of};
 pub use serial::{BAUD, SerialSource};
 
 /// A live or recorded instrument. Bytes are read as from any [`io::Read`]: 0 bytes are the end, an error of

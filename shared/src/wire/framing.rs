@@ -200,6 +200,15 @@ pub struct Packet<'a> {
 impl<'a> Packet<'a> {
     /// Opens what stands between two delimiters, in place. `stuffed` has no delimiter in it.
     pub fn open(stuffed: &'a mut [u8]) -> Result<Self, FrameError> {
+        let packet = Self::open_any(stuffed)?;
+        if !packet.version.is_understood() {
+            return Err(FrameError::Version(packet.version));
+        }
+        Ok(packet)
+    }
+
+    /// The same of whatever version, for a reader that knows frames which never go over the line.
+    pub fn open_any(stuffed: &'a mut [u8]) -> Result<Self, FrameError> {
         if stuffed.len() >= MAX_FRAME {
             return Err(FrameError::TooLong);
         }
@@ -216,12 +225,8 @@ impl<'a> Packet<'a> {
         if sent != computed {
             return Err(FrameError::Checksum { sent, computed });
         }
-        let version = Version(version);
-        if !version.is_understood() {
-            return Err(FrameError::Version(version));
-        }
         Ok(Self {
-            version,
+            version: Version(version),
             sequence: u16::from_le_bytes([low, high]),
             message,
         })

@@ -1,5 +1,5 @@
-//! The append-only record of what came in: the bytes of the link exactly as they were received, and nothing
-//! else.
+//! The append-only record of what came in: the bytes of the link exactly as they were received, and between two frames
+//! the host's [`Note`]s on what the instrument cannot know.
 //!
 //! A record has no header and no index. Frames carry their own delimiter, checksum, sequence number and
 //! sample index, and the instrument says who it is ([`Event::Hello`]); whatever else a file could state
@@ -8,69 +8,33 @@
 //!
 //! [`Reader`] hands out all that is sound and counts the rest ([`Tally`]), in constant memory.
 
-use std::fs::{File, OpenOptions};
-use std::io::{self, BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+mod note;
+mod writer;
+
+use std::io::{self, Read};
+use std::path::Path;
 
 use memchr::memchr;
 use serde::Serialize;
 use shared::wire::framing::{DELIMITER, MAX_FRAME};
 use shared::wire::{Event, FrameError, Packet};
 
+pub use note::{NOTES, Note, ReadingNote, RunNote, pieces};
+pub use writer::Writer;
+
 use crate::error::{Error, Problem};
+
+/// What a sound frame of a record holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Item<'a> {
+    /// What the instrument said.
+    Event(Event<'a>),
+    /// What the host added.
+    Note(Note<'a>),
+}
 
 /// Bytes read at once.
 const CHUNK: usize = 1 << 16;
-
-/// A record that is being written.
-#[derive(Debug)]
-pub struct Writer {
-    file: PathBuf,
-    out: BufWriter<File>,
-}
-
-impl Writer {
-    /// Opens a record to append to, making it if it is not there.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
-    pub fn append(file: &Path) -> Result<Self, Error> {
-        let out = OpenOptions::new().append(true).create(true).open(file);
-        let out = BufWriter::new(out.map_err(Error::write(file))?);
-        Ok(Self {
-            file: file.into(),
-            out,
-        })
-    }
-
-    /// Takes bytes as they came.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
-    pub fn write(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.out.write_all(bytes).map_err(Error::write(&self.file))
-    }
-
-    /// Hands everything to the operating system, so that it survives the end of this program.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
-    pub fn flush(&mut self) -> Result<(), Error> {
-        self.out.flush().map_err(Error::write(&self.file))
-    }
-
-    /// Hands everything to the disk and waits for it.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
-    pub fn finish(mut self) -> Result<(), Error> {
-        let flushed = self
-            .out
-            .flush()
-            .and_then(|()| self.out.get_ref().sync_all());
-        flushed.map_err(Error::write(&self.file))
-    }
-}
 
 /// Why a record cannot be read on.
 #[derive(Debug, thiserror::Error)]
@@ -116,8 +80,10 @@ pub fn hex(serial: &[u8; 12]) -> String {
 pub struct Tally {
     /// All bytes: of sound frames, damaged, idle delimiters.
     pub bytes: u64,
-    /// Sound frames.
+    /// Sound frames of the instrument.
     pub frames: u64,
+    /// Notes of the host.
+    pub notes: u64,
     /// Bytes outside sound frames.
     pub damaged_bytes: u64,
     /// Delimiters with nothing before them: nothing is lost.
@@ -211,8 +177,23 @@ impl Reader {
     /// [`RecordError::TwoInstruments`], and what `sink` returns.
     pub fn feed<E: From<RecordError>>(
         &mut self,
-        mut bytes: &mut [u8],
+        bytes: &mut [u8],
         sink: &mut impl FnMut(Event<'_>, &Tally) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.feed_items(bytes, &mut |item, tally: &Tally| match item {
+            Item::Event(event) => sink(event, tally),
+            Item::Note(_) => Ok(()),
+        })
+    }
+
+    /// The same with the host's notes.
+    ///
+    /// # Errors
+    /// As [`Self::feed`].
+    pub fn feed_items<E: From<RecordError>>(
+        &mut self,
+        mut bytes: &mut [u8],
+        sink: &mut impl FnMut(Item<'_>, &Tally) -> Result<(), E>,
     ) -> Result<(), E> {
         while let Some(end) = memchr(DELIMITER, bytes) {
             if end == 0 && self.overlong == 0 && self.begun.is_empty() {
@@ -268,18 +249,21 @@ impl Reader {
     fn stretch<E: From<RecordError>>(
         &mut self,
         stretch: &mut [u8],
-        sink: &mut impl FnMut(Event<'_>, &Tally) -> Result<(), E>,
+        sink: &mut impl FnMut(Item<'_>, &Tally) -> Result<(), E>,
     ) -> Result<(), E> {
         let length = stretch.len() as u64 + 1;
-        let opened = Packet::open(stretch)
-            .and_then(|packet| Ok((packet.sequence, packet.message::<Event<'_>>()?)));
-        match opened {
-            Ok((sequence, event)) => {
+        match open(stretch) {
+            Ok((sequence, Item::Event(event))) => {
                 self.tally.bytes += length;
                 self.tally.frames += 1;
                 self.follow(sequence);
                 self.account(&event)?;
-                sink(event, &self.tally)
+                sink(Item::Event(event), &self.tally)
+            }
+            Ok((_, note)) => {
+                self.tally.bytes += length;
+                self.tally.notes += 1;
+                sink(note, &self.tally)
             }
             Err(error) => {
                 if matches!(error, FrameError::Version(_)) {
@@ -352,21 +336,46 @@ impl Reader {
     }
 }
 
+/// The sequence number and the content of a frame.
+fn open(stretch: &mut [u8]) -> Result<(u16, Item<'_>), FrameError> {
+    let packet = Packet::open_any(stretch)?;
+    let item = match packet.version {
+        NOTES => Item::Note(packet.message()?),
+        version if version.is_understood() => Item::Event(packet.message()?),
+        version => return Err(FrameError::Version(version)),
+    };
+    Ok((packet.sequence, item))
+}
+
 /// Reads a record to its end, in constant memory, and hands each sound event to `sink` with the
 /// tally up to and including it.
 ///
 /// # Errors
 /// [`RecordError`], and what `sink` returns.
 pub fn read<E: From<RecordError>>(
-    mut source: impl Read,
+    source: impl Read,
     mut sink: impl FnMut(Event<'_>, &Tally) -> Result<(), E>,
+) -> Result<Tally, E> {
+    read_items(source, |item, tally| match item {
+        Item::Event(event) => sink(event, tally),
+        Item::Note(_) => Ok(()),
+    })
+}
+
+/// The same with the host's notes.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_items<E: From<RecordError>>(
+    mut source: impl Read,
+    mut sink: impl FnMut(Item<'_>, &Tally) -> Result<(), E>,
 ) -> Result<Tally, E> {
     let mut reader = Reader::new();
     let mut chunk = vec![0; CHUNK];
     loop {
         match source.read(&mut chunk) {
             Ok(0) => return Ok(reader.finish()),
-            Ok(length) => reader.feed(&mut chunk[..length], &mut sink)?,
+            Ok(length) => reader.feed_items(&mut chunk[..length], &mut sink)?,
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Err(error) => return Err(RecordError::Read(error).into()),
         }
