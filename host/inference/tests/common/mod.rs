@@ -4,7 +4,7 @@
 #![allow(dead_code)] // Each test uses a part.
 
 use std::ops::Range;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use inference::model::{
     Base, Component, Fidelity, Kind, Member, Prediction, SeparableModel, Transformed,
@@ -310,7 +310,7 @@ impl SeparableModel for Synthetic {
                 let column = whole(&self.observations, |row| unit[row]);
                 (column, vec![0.0; UNCERTAIN.len()])
             });
-            prediction.add_linear(Rc::new(columns.collect()));
+            prediction.add_linear(Arc::new(columns.collect()));
             match member.component {
                 STRETCH => {
                     let design = self.design(members);
@@ -320,7 +320,7 @@ impl SeparableModel for Synthetic {
                         values.iter().copied().collect::<Vec<_>>()
                     });
                     let transformed = Transformed::new(rows.collect(), UNKNOWNS);
-                    prediction.transform(Rc::new(transformed));
+                    prediction.transform(Arc::new(transformed));
                 }
                 SCATTER => {
                     let size = member.values[0];
