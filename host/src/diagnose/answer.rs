@@ -28,6 +28,31 @@ pub enum Verdict {
     Ambiguous,
     /// There is a gap and nothing in the catalogue explains it.
     Unexplained,
+    /// Nothing beyond the stated uncertainty, but a gap as large as the vibration error itself could not have shown.
+    CannotTell,
+}
+
+impl Verdict {
+    /// Whether no gap was seen.
+    pub fn sees_none(self) -> bool {
+        matches!(self, Self::NoGap | Self::CannotTell)
+    }
+}
+
+/// The least gap that the runs could have shown.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sight {
+    /// As a share of each run's vibration error.
+    pub share_of_vre: f64,
+    /// Root mean square of that over the runs, g.
+    pub rms_g: f64,
+}
+
+impl Sight {
+    /// Whether a gap as large as the vibration error itself would have shown.
+    pub fn suffices(&self) -> bool {
+        self.share_of_vre < 1.0
+    }
 }
 
 /// Size of the gap.
@@ -239,6 +264,9 @@ pub struct Diagnosis {
     /// What could not be looked at, and why.
     #[serde(default)]
     pub not_looked_at: Vec<String>,
+    /// Where no gap was seen, the least one that could have been; absent without runs, or where none could.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sight: Option<Sight>,
 }
 
 /// Share of the excess in one observable.

@@ -21,6 +21,7 @@ mod reach;
 mod remarks;
 mod rows;
 mod settle;
+mod sight;
 mod static_test;
 mod verdict;
 
@@ -54,10 +55,18 @@ pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error>
     let settled = settle(campaign, &effects).ok_or_else(undetermined)?;
     let best = &settled.search.hypotheses[0].fit;
     let shrink = held_out::shrink(campaign, &settled, best);
-    let judgement = Judgement::of(&settled.search, shrink.as_ref());
+    let mut judgement = Judgement::of(&settled.search, shrink.as_ref());
+    let sight = (judgement.verdict == Verdict::NoGap)
+        .then(|| sight::sight(&settled.model, &settled.search.null));
+    if sight.is_some_and(|sight| !sight.is_some_and(|sight| sight.suffices())) {
+        judgement.verdict = Verdict::CannotTell;
+    }
     Ok(Study {
         rows: rows::rows(&settled.model, judgement.shown(&settled.search)),
-        diagnosis: answer(campaign, &settled, &judgement, shrink),
+        diagnosis: Diagnosis {
+            sight: sight.flatten(),
+            ..answer(campaign, &settled, &judgement, shrink)
+        },
     })
 }
 
@@ -99,10 +108,10 @@ fn answer(
         shrink,
         next_tests: next_tests::next_tests(campaign, model, search, verdict),
         identification: shrink
-            .filter(|_| verdict == Verdict::NoGap)
+            .filter(|_| verdict.sees_none())
             .and_then(|shrink| identification::cause(model, shrink)),
         similarity: verdict::similarity(model, search),
-        compensation: matches!(verdict, Verdict::Explained | Verdict::NoGap)
+        compensation: (verdict == Verdict::Explained || verdict.sees_none())
             .then(|| onboard::compensation(model, shown)),
         suspects: remarks::suspect_rows(campaign, &settled.suspects, model, shown, &contradictions),
         contradictions,
@@ -110,5 +119,6 @@ fn answer(
         sessions: remarks::sessions(model, shown),
         shaker: remarks::shaker(model, shown),
         not_looked_at: location::not_looked_at(campaign),
+        sight: None,
     }
 }

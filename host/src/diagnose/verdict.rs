@@ -58,7 +58,7 @@ impl Judgement {
     /// Hypotheses in the order in which they are shown.
     fn ranked<'s>(&self, search: &'s Search) -> Vec<&'s Hypothesis> {
         let mut ranked: Vec<&Hypothesis> = search.hypotheses.iter().collect();
-        if self.verdict == Verdict::NoGap {
+        if self.verdict.sees_none() {
             ranked.sort_by_key(|h| !h.fit.members.is_empty());
         }
         ranked

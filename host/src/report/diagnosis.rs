@@ -191,7 +191,7 @@ fn place(study: &Study) -> Result<Markup, Error> {
     };
     let runs = !study.rows.is_empty();
     Ok(html! {
-        @if study.diagnosis.verdict != Verdict::NoGap {
+        @if !study.diagnosis.verdict.sees_none() {
             table {
                 thead { tr { th { "measured quantity" } th { "share of the gap" } } }
                 tbody { @for o in &location.observables { tr { td { (quantity(&o.name)) } td { (bar(o.share)) } } } }

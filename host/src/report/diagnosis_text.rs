@@ -6,7 +6,7 @@ use super::laboratory_text::{belonging, sessions, shaker};
 use crate::diagnose::answer::{Shrink, Which};
 use crate::diagnose::{Diagnosis, Verdict, WHY_NOT_CARRIED};
 use crate::effects;
-use crate::quantity::Quantity;
+use crate::quantity::{Quantity, significant};
 
 /// A diagnosis in a screenful.
 pub fn text(diagnosis: &Diagnosis) -> String {
@@ -25,7 +25,9 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         gap.rms_over_noise,
         probability(gap.p_value)
     );
-    if diagnosis.verdict != Verdict::NoGap {
+    if diagnosis.verdict.sees_none() {
+        sight(&mut out, diagnosis);
+    } else {
         place(&mut out, diagnosis);
         causes(&mut out, diagnosis);
     }
@@ -41,6 +43,19 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         let _ = writeln!(out, "not seen {note}");
     }
     out
+}
+
+/// Which gap could have been seen.
+fn sight(out: &mut String, diagnosis: &Diagnosis) {
+    let _ = match diagnosis.sight {
+        None => writeln!(out, "seen     no run could have shown a gap"),
+        Some(sight) => writeln!(
+            out,
+            "seen     a gap of {} % of the vibration error ({} microg rms) would have shown, a smaller one not",
+            significant(100.0 * sight.share_of_vre, 2),
+            significant(1e6 * sight.rms_g, 2)
+        ),
+    };
 }
 
 /// What the user must look at before all else.
@@ -169,6 +184,9 @@ pub fn headline(diagnosis: &Diagnosis) -> String {
     let names = best.effects.join(" and ");
     match diagnosis.verdict {
         Verdict::NoGap => "no gap beyond the stated uncertainty".into(),
+        Verdict::CannotTell => {
+            "cannot tell: a gap as large as the vibration error itself could not have shown".into()
+        }
         Verdict::Explained => format!(
             "the gap is explained by {names} ({:.0} %)",
             100.0 * best.probability

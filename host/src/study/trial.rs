@@ -155,8 +155,8 @@ fn score(case: &Case, diagnosis: &Diagnosis, named: &[String], acting: &[String]
     match diagnosis.verdict {
         Verdict::Unexplained if strange => Score::Right,
         Verdict::Unexplained => Score::Unexplained,
-        Verdict::NoGap if acting.is_empty() => Score::Right,
-        Verdict::NoGap => Score::Missed,
+        verdict if verdict.sees_none() && acting.is_empty() => Score::Right,
+        Verdict::NoGap | Verdict::CannotTell => Score::Missed,
         _ if strange => Score::Wrong,
         Verdict::Explained if named == acting => Score::Right,
         Verdict::Ambiguous => {
