@@ -24,7 +24,7 @@ a { color: var(--blue); }
 .remark p { margin: .2rem 0 0; }
 figure { margin: 1rem 0 1.4rem; }
 figure svg { max-width: 100%; height: auto; }
-figure > svg { display: block; }
+figure div > svg { display: block; }
 .pair { display: flex; flex-wrap: wrap; }
 .pair > svg { flex: 1 1 18rem; min-width: 0; max-width: 50%; }
 .legend { display: flex; flex-wrap: wrap; gap: .1rem 1.3rem; list-style: none; margin: .2rem 0 .3rem; padding: 0;
@@ -65,9 +65,9 @@ footer { margin-top: 2.5rem; border-top: 1px solid var(--line); padding-top: .6r
   @page { size: A4; margin: 14mm; }
   body { max-width: none; padding: 0; font-size: 10pt; }
   h2 { break-after: avoid; margin-top: 1.2rem; }
-  figure > svg, .pair, .remark, tr { break-inside: avoid; }
+  figure div > svg, .pair, .remark, tr { break-inside: avoid; }
   figure svg { max-height: 100mm; width: auto; }
-  .legend { break-after: avoid; }
+  .legend { break-after: avoid; break-inside: avoid; }
   thead { display: table-header-group; }
   .wide { overflow: visible; }
   .full { width: 100%; font-size: 7.5pt; }
