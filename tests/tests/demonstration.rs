@@ -25,7 +25,9 @@ fn capture(bench: &VirtualBench) -> Captured {
 #[test]
 fn no_sample_is_lost_and_every_reading_comes_back() {
     let bench = bench(3, 4);
-    let Captured { campaign, tally } = capture(&bench);
+    let Captured {
+        campaign, tally, ..
+    } = capture(&bench);
     assert_eq!((campaign.readings.len(), campaign.runs.len()), (80, 4));
     assert_eq!(
         (

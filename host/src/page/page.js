@@ -2,7 +2,12 @@
 // Draws what the program tells and passes on what the person wishes; computes nothing.
 const $ = id => document.getElementById(id);
 const say = (id, text) => { const e = $(id); if (e.textContent !== text) e.textContent = text; };
-const number = (x, digits) => x === null || x === undefined ? '–' : x.toFixed(digits).replace('-', '\u2212');
+const number = (x, digits) => {
+  if (x === null || x === undefined) return '–';
+  const text = x.toFixed(digits);
+  // No sign of a zero.
+  return Number(text) === 0 ? text.replace('-', '') : text.replace('-', '\u2212');
+};
 const minus = text => text.replace(/(^|\s)-(?=\d)/g, '$1\u2212');
 const signed = (x, digits) => (x > 0 ? '+' : '') + number(x, digits);
 let view = null, drawn = {};
@@ -161,11 +166,11 @@ function readings(v) {
     const row = rows.insertRow();
     cell(row, r.reading, 'number');
     cell(row, `${r.series} · ${r.dial_deg}°${r.mount_deg ? ` + ${r.mount_deg}°` : ''} ${r.approach}`);
-    cell(row, number(r.output_g, 7), 'number');
-    cell(row, `${signed(1e6 * r.residual_g, 1)} (${signed(r.sigmas, 1)})`, 'number');
     const fits = cell(row, r.sound ? '✓' : '✗ ', !r.sound ? 'bad' : 'good');
     fits.title = r.reason;
     if (!r.sound) fits.append(minus(r.reason));
+    cell(row, number(r.output_g, 7), 'number');
+    cell(row, `${signed(1e6 * r.residual_g, 1)} (${signed(r.sigmas, 1)})`, 'number');
     cell(row, r.remark);
   }
 }

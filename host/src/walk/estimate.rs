@@ -73,7 +73,11 @@ impl Estimate {
         let (residual_g, sigmas) = off(&dwell);
         let sound = sigmas.abs() <= RED;
         let reason = match sound {
-            true => format!("fits the readings before it: {sigmas:+.1} standard uncertainties"),
+            true => {
+                // No sign of a zero.
+                let rounded = (10.0 * sigmas).round() / 10.0 + 0.0;
+                format!("fits the readings before it: {rounded:+.1} standard uncertainties")
+            }
             false => self.reason(reading, &dwell, before, sigmas, &off),
         };
         Judgement {
