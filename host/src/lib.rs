@@ -13,6 +13,7 @@ pub mod effects;
 pub mod error;
 pub mod forward;
 pub mod front_end;
+pub mod head;
 pub mod import;
 pub mod input;
 pub mod link;

@@ -4,6 +4,7 @@
 //! `commands!`.
 
 mod console;
+mod head;
 mod triad;
 
 use std::ffi::OsString;
@@ -52,6 +53,7 @@ commands! {
     demo::Demo,
     blind_check::BlindCheck,
     diagnose::Diagnose,
+    fleet::Fleet,
     identify::Identify,
     measure::Measure,
     paper::Paper,

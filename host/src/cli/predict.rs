@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::{Command, Console, RowName, read_campaign, triad};
+use super::{Command, Console, RowName, head, read_campaign, triad};
 use crate::campaign::{Run, is_triad, read_runs};
 use crate::contradictions;
 use crate::diagnose::Diagnosis;
@@ -38,11 +38,17 @@ pub struct Predict {
     /// Go on although columns contradict each other in all rows of a kind, as level_g and ref_*_rms_g by a unit
     #[arg(long)]
     accept_contradictions: bool,
+    /// Know the errors of the dividing head's marks as other campaigns told them (`vre identify --teach`)
+    #[arg(long, value_name = "HEAD.toml")]
+    head: Option<PathBuf>,
 }
 
 impl Command for Predict {
     fn run(self, console: &Console) -> Result<(), Error> {
         if is_triad(&self.campaign) {
+            if self.head.is_some() {
+                return Err(Error::Usage("a triad takes no --head".into()));
+            }
             if self.prior_sigma.is_some() || self.diagnosis.is_some() || !self.exclude.is_empty() {
                 return Err(Error::Usage(
                     "a triad takes neither --prior-sigma nor --diagnosis nor --exclude; state cross_coupling_sigma_per_g in campaign.toml".into(),
@@ -55,6 +61,7 @@ impl Command for Predict {
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
             console.print(format!("vibration.csv, {contradiction}"))?;
         }
+        let campaign = head::beside(campaign, self.head.as_deref(), console)?;
         let mut own;
         let runs = match &self.runs {
             Some(file) => {
