@@ -38,10 +38,7 @@ impl Prior {
         Self {
             marks_deg: Vec::new(),
             mean: DVector::zeros(TYPE),
-            covariance: DMatrix::from_diagonal(&DVector::from_iterator(
-                TYPE,
-                sigma.map(|s| s * s).into_iter(),
-            )),
+            covariance: DMatrix::from_diagonal(&DVector::from_iterator(TYPE, sigma.map(|s| s * s))),
         }
     }
 
