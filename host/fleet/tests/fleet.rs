@@ -324,6 +324,40 @@ fn an_instrument_that_does_not_belong_is_named() {
     );
 }
 
+/// The same resonance in all campaigns of one of two benches, by diagnoses of what the bench makes of it.
+#[test]
+fn a_resonance_that_all_instruments_of_a_bench_have_is_the_benchs() {
+    let place = Place::new();
+    let plant = Plant {
+        shaken: true,
+        alternate: false,
+        ..Plant::new(Seed(6), 1.0)
+    };
+    let resonance = host::bench::effects::find("fixture-resonance").unwrap();
+    for number in 0..12 {
+        let mut bench = plant.bench(number);
+        let on_second = number % 2 == 1;
+        if on_second {
+            let drawn = (resonance.draw)(1.0, &mut Seed(3).stream("effect", 0));
+            bench.effects.push(drawn);
+        }
+        let mut campaign = bench.simulate().campaign;
+        campaign.config.instrument.serial = format!("P{number:05}");
+        campaign.config.record = Some(Record {
+            station: Some(if on_second { "H2" } else { "H1" }.into()),
+            ..Record::default()
+        });
+        let folder = Path::new(&place.path("in")).join(number.to_string());
+        campaign.write(&folder).unwrap();
+    }
+    let (dataset, json) = (place.path("dataset"), place.path("sides.json"));
+    fleet(&["gather", &place.path("in"), "--out", &dataset]).success();
+    fleet(&["sides", &dataset, "--json", &json]).success();
+    let told = &place.json("sides.json")["effects"][0];
+    assert_eq!(told["effect"], "fixture-resonance", "{told}");
+    assert!(told["sides"]["bench"].as_f64().unwrap() > 0.95, "{told}");
+}
+
 #[test]
 fn bad_use_is_one_line_and_exit_status_2() {
     let place = Place::new();
