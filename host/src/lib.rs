@@ -16,6 +16,7 @@ pub mod follow;
 pub mod forward;
 pub mod front_end;
 pub mod handbook;
+pub mod head;
 pub mod import;
 pub mod input;
 pub mod interrupt;

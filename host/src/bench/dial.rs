@@ -29,6 +29,8 @@ pub struct HeadSpecification {
 pub struct Head {
     specification: HeadSpecification,
     seed: Seed,
+    /// Where the errors of its marks come from.
+    marks: Seed,
 }
 
 impl Head {
@@ -37,13 +39,19 @@ impl Head {
         Self {
             specification,
             seed,
+            marks: seed,
         }
+    }
+
+    /// The same with the marks of another head; mounts and level stay.
+    pub fn with_marks(self, marks: Seed) -> Self {
+        Self { marks, ..self }
     }
 
     /// Error of a mark, arcsec.
     pub fn mark_error_arcsec(&self, dial_deg: f64) -> f64 {
         let mark = arcseconds(dial_deg);
-        self.specification.dial_sigma_arcsec * self.seed.stream("dial mark", mark).normal()
+        self.specification.dial_sigma_arcsec * self.marks.stream("dial mark", mark).normal()
     }
 
     /// Error of the instrument's angle on the shaft, arcsec: one for each series and mount, the first one too.

@@ -26,6 +26,7 @@ pub mod flash;
 pub mod imperfections;
 pub mod noise;
 pub mod plan;
+pub mod plant;
 pub mod reference;
 pub mod shaker;
 pub mod simulate;

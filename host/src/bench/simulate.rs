@@ -175,6 +175,12 @@ impl VirtualBench {
         }
     }
 
+    /// The same on the head whose marks belong to that seed.
+    pub fn on_head(mut self, marks: Seed) -> Self {
+        self.head = self.head.with_marks(marks);
+        self
+    }
+
     /// Serial number of the instrument, from the seed.
     pub fn serial(&self) -> String {
         format!("V{:05}", self.seed.0 % 100_000)

@@ -1,12 +1,13 @@
 //! `campaign.toml`: which instrument, on which bench.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::ranges::{self, Range};
 use super::toml_file::read_toml;
-use super::{keys, kind};
+use super::{MarkErrors, keys, kind};
 use crate::error::{Error, Place, Problem, printable};
 use crate::front_end::FrontEnd;
 use crate::output::write_file;
@@ -32,6 +33,9 @@ pub struct CampaignConfig {
     /// Who measured where and when, if it is stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub record: Option<Record>,
+    /// What is known of the marks' errors from other campaigns; it stands in no file of this one.
+    #[serde(skip)]
+    pub mark_errors: Option<Arc<MarkErrors>>,
     /// Keys that mean nothing to us, kept.
     #[serde(flatten)]
     pub unknown: toml::Table,
@@ -206,6 +210,7 @@ impl CampaignConfig {
             shaker,
             limits: None,
             record: None,
+            mark_errors: None,
             unknown: toml::Table::new(),
         }
     }
@@ -242,7 +247,7 @@ impl CampaignConfig {
         write_file(file, text.as_bytes())
     }
 
-    fn check(&self, file: &Path) -> Result<(), Error> {
+    pub(super) fn check(&self, file: &Path) -> Result<(), Error> {
         let fail = |key: &str, problem| {
             let place = Place {
                 column: Some(key.into()),

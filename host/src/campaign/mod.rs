@@ -15,6 +15,7 @@ pub mod columns;
 mod config;
 pub mod keys;
 mod kind;
+mod mark_errors;
 mod marks;
 mod plausibility;
 mod positions_table;
@@ -34,6 +35,7 @@ use std::path::{Path, PathBuf};
 pub use crate::import::MAX_ROW_BYTES;
 pub use config::{Acquisition, Bench, CampaignConfig, Instrument, Limits, Record, Shaker};
 pub use kind::is_triad;
+pub use mark_errors::MarkErrors;
 pub use positions_table::TriadPosition;
 pub(crate) use positions_table::write as write_positions;
 pub use shared::tumble::Series;
@@ -116,6 +118,50 @@ impl Campaign {
         let reading_s = self.readings.first().map(|reading| reading.time_s);
         let run_s = || self.runs.first().map(|run| run.time_s);
         reading_s.or_else(run_s).unwrap_or(0.0)
+    }
+
+    /// Checks a campaign that came by another way than its folder: what its tables would not let pass and no fit can bear.
+    ///
+    /// # Errors
+    /// The first number that cannot be, with its table, row and column.
+    pub fn check(&self) -> Result<(), Error> {
+        self.config.check(Path::new("campaign.toml"))?;
+        let fail = |table: &str, row: usize, column: &str, problem: &str| {
+            let place = Place {
+                file: table.into(),
+                row: Some(row as u64 + 2),
+                column: Some(column.into()),
+            };
+            let problem = problem.into();
+            Err(Error::Input { place, problem })
+        };
+        for (row, reading) in self.readings.iter().enumerate() {
+            if reading.sigma_v <= 0.0 {
+                return fail("static.csv", row, "sigma_v", "is not greater than 0");
+            }
+        }
+        for (row, run) in self.runs.iter().enumerate() {
+            let length = run.direction.iter().map(|n| n * n).sum::<f64>().sqrt();
+            if (length - 1.0).abs() > 1e-6 {
+                return fail(
+                    "vibration.csv",
+                    row,
+                    "dir_i",
+                    "the direction is no unit vector",
+                );
+            }
+            if run.duration_s <= 0.0 {
+                return fail("vibration.csv", row, "duration_s", "is not greater than 0");
+            }
+            if run.measured.is_some_and(|measured| measured.sigma_v <= 0.0) {
+                return fail("vibration.csv", row, "sigma_v", "is not greater than 0");
+            }
+        }
+        if self.readings.iter().all(|reading| reading.exclude) {
+            let problem = "has no reading that is not excluded";
+            return Err(Error::input(Path::new("static.csv"), problem));
+        }
+        Ok(())
     }
 
     /// Writes the campaign into `folder`, which is made if need be.
@@ -286,9 +332,16 @@ fn write_table<'r, R: 'r>(
 
 /// The word that stands for `meaning` in a table.
 fn word<T: Copy + PartialEq>(words: &[(&str, T)], meaning: T) -> String {
-    words
-        .iter()
-        .filter(|(_, of)| *of == meaning)
-        .map(|(word, _)| *word)
-        .collect()
+    word_of(words, meaning).to_owned()
+}
+
+fn word_of<'w, T: Copy + PartialEq>(words: &[(&'w str, T)], meaning: T) -> &'w str {
+    let found = words.iter().find(|(_, of)| *of == meaning);
+    found.map_or("", |(word, _)| word)
+}
+
+/// What a word in a table means, if anything.
+fn meaning<T: Copy>(words: &[(&str, T)], word: &str) -> Option<T> {
+    let found = words.iter().find(|(known, _)| *known == word);
+    found.map(|(_, meaning)| *meaning)
 }

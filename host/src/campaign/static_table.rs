@@ -27,6 +27,18 @@ const APPROACHES: [(&str, Approach); 2] = [
     ("ccw", Approach::CounterClockwise),
 ];
 
+impl Approach {
+    /// Its word in a table.
+    pub fn word(self) -> &'static str {
+        super::word_of(&APPROACHES, self)
+    }
+
+    /// What a word in a table means, if anything.
+    pub fn of_word(word: &str) -> Option<Self> {
+        super::meaning(&APPROACHES, word)
+    }
+}
+
 const SERIES: [(&str, Series); 3] = [
     ("1", Series::OutputAxis),
     ("2", Series::PendulousAxis),

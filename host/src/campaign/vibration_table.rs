@@ -25,6 +25,18 @@ const KINDS: [(&str, VibrationKind); 2] = [
     ("random", VibrationKind::Random),
 ];
 
+impl VibrationKind {
+    /// Its word in a table.
+    pub fn word(self) -> &'static str {
+        super::word_of(&KINDS, self)
+    }
+
+    /// What a word in a table means, if anything.
+    pub fn of_word(word: &str) -> Option<Self> {
+        super::meaning(&KINDS, word)
+    }
+}
+
 /// One shaker run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {

@@ -262,7 +262,8 @@ fn static_factor(campaign: &Campaign, scale_v_per_g: f64, assumptions: &Assumpti
         }
     }
     let stated = bench(&campaign.config.bench);
-    let mut packed = covariance(&readings, &stated, scale_v_per_g);
+    let known = campaign.config.mark_errors.as_deref();
+    let mut packed = covariance(&readings, &stated, known, scale_v_per_g);
     for i in 0..campaign.readings.len() {
         let (above, row) = packed.split_at_mut(i * (i + 1) / 2);
         for j in 0..=i {

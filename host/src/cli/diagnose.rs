@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Command, Console, RowName, read_campaign, triad};
+use super::{Command, Console, RowName, head, read_campaign, triad};
 use crate::campaign::is_triad;
 use crate::contradictions;
 use crate::diagnose::diagnose;
@@ -30,11 +30,17 @@ pub struct Diagnose {
     /// Go on although columns contradict each other in all rows of a kind, as level_g and ref_*_rms_g by a unit
     #[arg(long)]
     accept_contradictions: bool,
+    /// Know the errors of the dividing head's marks as other campaigns told them (`vre identify --teach`)
+    #[arg(long, value_name = "HEAD.toml")]
+    head: Option<PathBuf>,
 }
 
 impl Command for Diagnose {
     fn run(self, console: &Console) -> Result<(), Error> {
         if is_triad(&self.campaign) {
+            if self.head.is_some() {
+                return Err(Error::Usage("a triad takes no --head".into()));
+            }
             if !self.without.is_empty() || !self.exclude.is_empty() || self.html.is_some() {
                 return Err(Error::Usage("a triad is diagnosed without --without, --exclude and --html; `vre report` writes its page".into()));
             }
@@ -45,6 +51,7 @@ impl Command for Diagnose {
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
             console.print(format!("vibration.csv, {contradiction}"))?;
         }
+        let campaign = head::beside(campaign, self.head.as_deref(), console)?;
         let study = diagnose(&campaign, &self.without)?;
         if let Some(file) = &self.html {
             write_file(file, diagnosis_page(&study)?.as_bytes())?;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
-use super::{Command, Console, RowName, read_campaign, triad};
+use super::{Command, Console, RowName, head, read_campaign, triad};
 use crate::campaign::is_triad;
 use crate::diagnose::answer::{NoiseFactor, SuspectRow};
 use crate::diagnose::{StaticTest, static_test};
@@ -19,7 +19,7 @@ use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_
 /// Identify the coefficients of the IEEE 1293 model from the static readings of a campaign
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  vre identify campaigns/S01000 --json coefficients.json\n  vre identify campaigns/S01000 --exclude 12"
+    after_help = "Example:\n  vre identify campaigns/S01000 --json coefficients.json\n  vre identify campaigns/S01000 --exclude 12\n  vre identify campaigns/S01000 --teach head.toml\n  vre identify campaigns/S01001 --head head.toml"
 )]
 pub struct Identify {
     /// Folder of the campaign
@@ -37,6 +37,13 @@ pub struct Identify {
     /// Take every reading, and its uncertainty as it is stated, whatever the other readings say of it
     #[arg(long)]
     as_stated: bool,
+    /// Know the errors of the dividing head's marks as other campaigns told them
+    #[arg(long, value_name = "HEAD.toml")]
+    head: Option<PathBuf>,
+    /// Let this campaign teach a head, which is made if it is not there: best one whose instrument was remounted by 180 deg, or
+    /// shaken. What the file knew before serves as --head
+    #[arg(long, value_name = "HEAD.toml", conflicts_with = "head")]
+    teach: Option<PathBuf>,
 }
 
 /// The coefficients, and what the readings say of each other.
@@ -51,6 +58,11 @@ struct Answer<'a> {
 impl Command for Identify {
     fn run(self, console: &Console) -> Result<(), Error> {
         if is_triad(&self.campaign) {
+            if self.head.is_some() || self.teach.is_some() {
+                return Err(Error::Usage(
+                    "a triad takes neither --head nor --teach".into(),
+                ));
+            }
             if self.prior_sigma.is_some()
                 || self.method != Method::LeastSquares
                 || !self.exclude.is_empty()
@@ -62,7 +74,10 @@ impl Command for Identify {
             }
             return triad::identify(&self.campaign, console);
         }
-        let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
+        let as_measured = read_campaign(&self.campaign, &self.exclude, console)?;
+        let head = self.head.as_deref();
+        let head = head.or(self.teach.as_deref().filter(|file| file.exists()));
+        let campaign = head::beside(as_measured.clone(), head, console)?;
         let mut judged = static_test(&campaign);
         // The closed formulas need every reading of the plan, and know no uncertainty of one.
         if self.as_stated || self.method == Method::ClosedForm {
@@ -74,6 +89,9 @@ impl Command for Identify {
         let identification = identify(&judged.belonging, self.method, self.prior_sigma)?;
         console.print(belonging(&judged))?;
         console.print(text(&identification))?;
+        if let Some(file) = &self.teach {
+            head::teach(&as_measured, file, console)?;
+        }
         console.json(&Answer {
             identification: &identification,
             suspects: &judged.suspects,

@@ -5,6 +5,7 @@
 
 mod console;
 mod environment;
+mod head;
 mod operator;
 mod triad;
 
@@ -58,6 +59,7 @@ commands! {
     diagnose::Diagnose,
     effects::Effects,
     help::Help,
+    fleet::Fleet,
     identify::Identify,
     measure::Measure,
     paper::Paper,

@@ -15,6 +15,11 @@ use super::{Command, Console, positive, read_campaign, triad};
 use crate::campaign::{is_triad, read_plan};
 use crate::error::Error;
 use crate::quantity::fixed;
+use crate::head::TYPE;
+use crate::head::batch::DEFAULT_SPREAD;
+use crate::head::harmonics::ADVICE;
+use crate::head::outlook::{Mounting, Outlook, PlannedBatch, outlook};
+use crate::head::posterior::{MEAN_SIGMA, Prior};
 use crate::statics::DEFAULT_PRIOR_SIGMA;
 use crate::statics::{
     self, Assessment, Conditions, Environment, NAMES, assess, best_plan, positions_to_add,
@@ -63,6 +68,13 @@ pub struct Plan {
     /// Search the best plan of N readings for these vibrations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(11..=400))]
     best: Option<u16>,
+    /// Tell what a batch of N instruments of one type on one head will know of each, mounted alike, mounted turned by 180 deg every
+    /// other one, and each remounted
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    batch: Option<u64>,
+    /// Standard deviation of the coefficients that rectify within the type, each in its own unit, for --batch
+    #[arg(long, value_name = "SIGMA", default_value_t = 3e-5, value_parser = positive)]
+    type_spread: f64,
 }
 
 /// Strongest vibration that is thought of, g.
@@ -168,6 +180,9 @@ struct Advice {
     remounted: Assessment,
     #[serde(skip_serializing_if = "Option::is_none")]
     best: Option<Best>,
+    /// One instrument of a batch, mounted in each way.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    batch: Option<Vec<Outlook>>,
 }
 
 #[derive(Serialize)]
@@ -234,6 +249,7 @@ impl Command for Plan {
             twice: judge(&twice)?,
             remounted: judge(&remounted)?,
             best,
+            batch: self.outlook(&plan, &conditions, &environments)?,
         };
         console.print(text(&advice, &conditions))?;
         console.json(&advice)
@@ -270,6 +286,31 @@ impl Plan {
         };
         let environments: Vec<_> = self.vibration.iter().map(environment).collect();
         triad::plan(&directions, &conditions, &environments, console)
+    }
+
+    /// One instrument of a batch, if a batch is asked for.
+    fn outlook(
+        &self,
+        plan: &[Position],
+        conditions: &Conditions,
+        environments: &[Environment],
+    ) -> Result<Option<Vec<Outlook>>, Error> {
+        let Some(instruments) = self.batch else {
+            return Ok(None);
+        };
+        let batch = PlannedBatch {
+            instruments,
+            spread: of_type(DEFAULT_SPREAD, self.type_spread),
+            prior: Prior::of_type(of_type(MEAN_SIGMA, self.prior_sigma)),
+        };
+        outlook(
+            plan,
+            &conditions.bench,
+            conditions.noise_g,
+            &batch,
+            environments,
+        )
+        .map(Some)
     }
 
     fn plan_and_conditions(&self, console: &Console) -> Result<(Vec<Position>, Conditions), Error> {
@@ -358,6 +399,9 @@ fn text(advice: &Advice, conditions: &Conditions) -> String {
     write_additions(&mut text, &advice.add);
     if let Some(best) = &advice.best {
         write_best(&mut text, best);
+    }
+    if let Some(batch) = &advice.batch {
+        write_batch(&mut text, batch, plan);
     }
     text
 }
@@ -458,5 +502,43 @@ fn write_best(text: &mut String, best: &Best) {
             group[0].mount_deg,
             angles.join(" ")
         );
+    }
+}
+
+/// Standard deviations of a type's coefficients: `sigma` for those that rectify, as they are for bias and misalignments.
+fn of_type(wide: [f64; TYPE], sigma: f64) -> [f64; TYPE] {
+    const NOT_RECTIFYING: [usize; 3] = [0, 5, 6];
+    std::array::from_fn(|k| {
+        if NOT_RECTIFYING.contains(&k) {
+            wide[k]
+        } else {
+            sigma
+        }
+    })
+}
+
+fn write_batch(text: &mut String, batch: &[Outlook], plan: &Assessment) {
+    let _ = writeln!(
+        text,
+        "\nOne instrument of the batch, standard uncertainty in 1e-6 of k2 and of each predicted vibration error:"
+    );
+    for outlook in batch {
+        let name = match outlook.mounting {
+            Mounting::Alike => "all mounted alike",
+            Mounting::Alternating => "every other one turned by 180 deg",
+            Mounting::Remounted => "each remounted, twice the readings",
+        };
+        let _ = write!(
+            text,
+            "  {name:<34} k2 {:>8.2}",
+            outlook.coefficient_sigma[3] * 1e6
+        );
+        for (environment, sigma_g) in plan.environments.iter().zip(&outlook.vre_sigma_g) {
+            let _ = write!(text, "   {} {:>8.2}", environment.name, sigma_g * 1e6);
+        }
+        text.push('\n');
+    }
+    if batch.iter().any(|outlook| outlook.blind_first_harmonic) {
+        let _ = writeln!(text, "BLIND, mounted alike: {ADVICE}");
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::environment::EnvironmentOptions;
-use super::{Command, Console, RowName, read_campaign, triad};
+use super::{Command, Console, RowName, head, read_campaign, triad};
 use crate::campaign::{Run, is_triad, read_runs};
 use crate::contradictions;
 use crate::diagnose::{Diagnosis, static_test};
@@ -41,11 +41,17 @@ pub struct Predict {
     accept_contradictions: bool,
     #[command(flatten)]
     environment: EnvironmentOptions,
+    /// Know the errors of the dividing head's marks as other campaigns told them (`vre identify --teach`)
+    #[arg(long, value_name = "HEAD.toml")]
+    head: Option<PathBuf>,
 }
 
 impl Command for Predict {
     fn run(self, console: &Console) -> Result<(), Error> {
         if is_triad(&self.campaign) {
+            if self.head.is_some() {
+                return Err(Error::Usage("a triad takes no --head".into()));
+            }
             if self.prior_sigma.is_some() || self.diagnosis.is_some() || !self.exclude.is_empty() {
                 return Err(Error::Usage(
                     "a triad takes neither --prior-sigma nor --diagnosis nor --exclude; state cross_coupling_sigma_per_g in campaign.toml".into(),
@@ -63,6 +69,7 @@ impl Command for Predict {
         for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
             console.print(format!("vibration.csv, {contradiction}"))?;
         }
+        let campaign = head::beside(campaign, self.head.as_deref(), console)?;
         if let Some(name) = &self.environment.vibration {
             if self.diagnosis.is_some() {
                 return Err(Error::Usage(

@@ -103,7 +103,8 @@ fn derivative(u_v: &Voltages, scale_v_per_g: f64) -> DMatrix<f64> {
 /// Covariance of the readings' outputs, V^2.
 fn covariance_v2(campaign: &Campaign, readings: &[Reading]) -> DMatrix<f64> {
     let scale = campaign.config.instrument.scale_factor_nominal_v_per_g;
-    let triangle = covariance(readings, &bench(&campaign.config.bench), scale);
+    let known = campaign.config.mark_errors.as_deref();
+    let triangle = covariance(readings, &bench(&campaign.config.bench), known, scale);
     DMatrix::from_fn(readings.len(), readings.len(), |i, j| {
         let (i, j) = (i.max(j), i.min(j));
         scale * scale * triangle[i * (i + 1) / 2 + j]

@@ -1,29 +1,41 @@
 //! The covariance of static readings, one for everybody.
 //!
 //! A reading carries its own noise and repeatability, and errors that it shares with others: that of its dial mark, that
-//! of its series and mount, and two tilts of the base, common to all. The first mount is a mount like any other.
+//! of its series and mount, and two tilts of the base, common to all. The first mount is a mount like any other. Marks of
+//! which other campaigns tell something have the covariance that these leave.
 
 use shared::identify::static_test::Bench;
 use shared::tumble::within_a_turn;
 
 use super::readings::position;
-use crate::campaign::Reading;
+use crate::campaign::{MarkErrors, Reading};
 
 /// Covariance of the outputs of `readings`, g^2: the lower triangle row by row, element (i, j <= i) at i (i + 1) / 2 + j.
 ///
 /// To first order in the angles, for an instrument without nonlinearity; `scale_v_per_g` turns the stated noise from V
-/// into g. Marks and mounts are the same if they are so within a turn.
-pub fn covariance(readings: &[Reading], bench: &Bench<f64>, scale_v_per_g: f64) -> Vec<f64> {
+/// into g. Marks and mounts are the same if they are so within a turn. `known`: what is known of the marks' errors; the others
+/// are uncertain as the bench states.
+pub fn covariance(
+    readings: &[Reading],
+    bench: &Bench<f64>,
+    known: Option<&MarkErrors>,
+    scale_v_per_g: f64,
+) -> Vec<f64> {
     let square = |x: f64| x * x;
     let variance = |sigma_rad: f64| square(sigma_rad * bench.local_gravity_g);
-    let rows: Vec<_> = readings.iter().map(Row::new).collect();
+    let row = |reading| Row::new(reading, known);
+    let rows: Vec<_> = readings.iter().map(row).collect();
     let mut triangle = Vec::with_capacity(rows.len() * (rows.len() + 1) / 2);
     for (i, a) in rows.iter().enumerate() {
         for (j, b) in rows[..=i].iter().enumerate() {
             let mut angle = variance(bench.level_sigma_rad);
-            if a.mark_deg == b.mark_deg {
-                angle += variance(bench.dial_sigma_rad);
-            }
+            angle += match (known, a.known, b.known) {
+                (Some(known), Some(a), Some(b)) => {
+                    known.between(a, b) * square(bench.local_gravity_g)
+                }
+                _ if a.mark_deg == b.mark_deg => variance(bench.dial_sigma_rad),
+                _ => 0.0,
+            };
             if a.series == b.series && a.mount_deg == b.mount_deg {
                 angle += variance(bench.mount_sigma_rad);
             }
@@ -41,10 +53,22 @@ pub fn covariance(readings: &[Reading], bench: &Bench<f64>, scale_v_per_g: f64) 
     triangle
 }
 
+/// The whole matrix, row by row, of a lower triangle of that order.
+pub fn symmetric(triangle: &[f64], order: usize) -> Vec<f64> {
+    let element = |place: usize| {
+        let (i, j) = (place / order, place % order);
+        let (i, j) = (i.max(j), i.min(j));
+        triangle[i * (i + 1) / 2 + j]
+    };
+    (0..order * order).map(element).collect()
+}
+
 /// What of a reading its covariances depend on.
 struct Row {
     series: shared::tumble::Series,
     mark_deg: f64,
+    /// Place of its mark among the known ones.
+    known: Option<usize>,
     mount_deg: f64,
     /// Derivative of a_I by the instrument's angle, and by the lift of the axis of rotation, in units of local gravity.
     by_angle: f64,
@@ -52,11 +76,12 @@ struct Row {
 }
 
 impl Row {
-    fn new(reading: &Reading) -> Self {
+    fn new(reading: &Reading, known: Option<&MarkErrors>) -> Self {
         let place = position(reading);
         Self {
             series: place.series,
             mark_deg: within_a_turn(place.dial_deg),
+            known: known.and_then(|known| known.place(place.dial_deg)),
             mount_deg: within_a_turn(place.mount_deg),
             by_angle: place.series.tangent(place.phi_rad()).i,
             by_lift: place.series.lift::<f64>().i,
@@ -77,13 +102,6 @@ mod tests {
     use crate::statics::least_squares::Workspace;
     use crate::statics::readings;
 
-    fn symmetric(triangle: &[f64], n: usize) -> DMatrix<f64> {
-        DMatrix::from_fn(n, n, |i, j| {
-            let (i, j) = (i.max(j), i.min(j));
-            triangle[i * (i + 1) / 2 + j]
-        })
-    }
-
     #[test]
     fn least_squares_with_this_covariance_is_the_fit_with_random_effects() {
         for plan in [Static::Default, Static::Remounted] {
@@ -96,7 +114,8 @@ mod tests {
             let n = campaign.readings.len();
             let stated = readings::bench(&campaign.config.bench);
 
-            let matrix = symmetric(&covariance(&campaign.readings, &stated, 1.0), n);
+            let matrix = covariance(&campaign.readings, &stated, None, 1.0);
+            let matrix = DMatrix::from_row_slice(n, n, &symmetric(&matrix, n));
             let factor = matrix.cholesky().expect("a covariance");
             let design = DMatrix::from_fn(n, NOMINAL, |i, k| {
                 terms(readings::position(&campaign.readings[i]).specific_force())[k]
@@ -144,7 +163,7 @@ mod tests {
         };
         for mount_deg in [0.0, 180.0, 360.0] {
             let pair = [reading(mount_deg), reading(mount_deg)];
-            let [with, without] = [&stated, &exact].map(|b| covariance(&pair, b, 1.0)[1]);
+            let [with, without] = [&stated, &exact].map(|b| covariance(&pair, b, None, 1.0)[1]);
             let mount = (60.0 * shared::tumble::ARCSEC_RAD).powi(2);
             assert!(((with - without) / mount - 1.0).abs() < 1e-9, "{mount_deg}");
         }

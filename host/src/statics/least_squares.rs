@@ -2,14 +2,18 @@
 
 use std::collections::BTreeSet;
 
+use inference::dense::Cholesky;
+use shared::identify::blindness::{BEFOREHAND, Design};
+use shared::identify::square_root::{TriangularFactor, storage_len};
 use shared::identify::static_test::{
-    Bench, Fit, MountEstimate, Reading, StaticTest, StaticTestError, workspace_len,
+    Bench, Fit, Information, MountEstimate, Reading, StaticTest, StaticTestError, workspace_len,
 };
-use shared::model::{Coefficients, NOMINAL};
+use shared::model::{Coefficients, NOMINAL, SpecificForce, terms};
 use shared::tumble::{Position, Series, within_a_turn};
 
+use super::covariance::{covariance, symmetric};
 use super::readings::{bench, position};
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, MarkErrors};
 use crate::error::Error;
 
 /// Work space of a static test: room for the marks and mounts of a plan, on the heap.
@@ -69,7 +73,11 @@ pub fn fit(campaign: &Campaign, prior_sigma: Option<f64>) -> Result<Fit<f64>, Er
             "static.csv does not determine the coefficients: {problem}"
         ))
     };
-    let fit = two_passes(campaign, prior_sigma).map_err(|error| undetermined(&error))?;
+    let fit = match &campaign.config.mark_errors {
+        None => two_passes(campaign, prior_sigma),
+        Some(known) => with_known_marks(campaign, known, prior_sigma),
+    };
+    let fit = fit.map_err(|error| undetermined(&error))?;
     let nominal = campaign.config.instrument.scale_factor_nominal_v_per_g;
     let found = fit.coefficients.scale_factor_v_per_g;
     if (found / nominal - 1.0).abs() <= MAX_SCALE_ERROR {
@@ -141,4 +149,64 @@ fn pass(
         .map_err(StaticTestError::Workspace)?;
     let found = test.mount_estimates(&fit.coefficients).collect();
     Ok((fit, found))
+}
+
+/// The fit beside what is known of the marks: their errors correlate, so that the readings are whitened by their whole
+/// covariance (to first order in the angles).
+fn with_known_marks(
+    campaign: &Campaign,
+    known: &MarkErrors,
+    prior_sigma: Option<f64>,
+) -> Result<Fit<f64>, StaticTestError> {
+    let stated = bench(&campaign.config.bench);
+    let scale_v_per_g = campaign.config.instrument.scale_factor_nominal_v_per_g;
+    let readings = &campaign.readings;
+    let triangle = covariance(readings, &stated, Some(known), scale_v_per_g);
+    let factor = Cholesky::new(symmetric(&triangle, readings.len()), readings.len())
+        .ok_or(StaticTestError::BadReading)?;
+    let g = stated.local_gravity_g;
+    let place = |reading| {
+        let a = position(reading).specific_force();
+        terms(SpecificForce::new(g * a.i, g * a.p, g * a.o))
+    };
+    let places: Vec<_> = readings.iter().map(place).collect();
+    let mut columns: Vec<Vec<f64>> = (0..NOMINAL)
+        .map(|k| {
+            places
+                .iter()
+                .map(|terms| terms[k] / scale_v_per_g)
+                .collect()
+        })
+        .collect();
+    columns.push(
+        readings
+            .iter()
+            .map(|r| r.output_v / scale_v_per_g)
+            .collect(),
+    );
+    columns.iter_mut().for_each(|column| factor.forward(column));
+    let mut triangle = TriangularFactor::new(NOMINAL, [0.0; storage_len(NOMINAL)])
+        .map_err(StaticTestError::Workspace)?;
+    for row in 0..readings.len() {
+        let mut row: [f64; NOMINAL + 1] = std::array::from_fn(|k| columns[k][row]);
+        triangle.absorb(&mut row);
+    }
+    let mut design = Design::default();
+    for reading in readings {
+        design.absorb(position(reading).specific_force());
+    }
+    let residual_squares = triangle.residual_squares();
+    let (triangle, rhs) = triangle.trailing();
+    let information = Information {
+        triangle,
+        rhs,
+        residual_squares,
+        scale_v_per_g,
+        design,
+        readings: readings.len(),
+    };
+    let beforehand = prior_sigma.map_or(BEFOREHAND, |sigma| [sigma; NOMINAL]);
+    information
+        .solve_beside(&beforehand, prior_sigma.is_some())
+        .map_err(StaticTestError::Workspace)
 }

@@ -282,75 +282,16 @@ impl<'a, T: Real> StaticTest<'a, T> {
         beforehand: &[T; NOMINAL],
         is_prior: bool,
     ) -> Result<Fit<T>, FactorError> {
-        let mut beforehand = *beforehand;
-        beforehand[0] = T::lit(BEFOREHAND[0]);
-        let k1 = self.about.scale_factor_v_per_g;
         let (triangle, rhs) = self.common.trailing::<NOMINAL>();
-        let condition = self.design.visibility().condition;
-        let visibility = Visibility::of_readings(&triangle, k1, &beforehand, condition);
-        let mut factor = TriangularFactor::new(NOMINAL, [T::zero(); storage_len(NOMINAL)])?;
-        let mut row = [T::zero(); NOMINAL + 1];
-        for (r, z) in triangle.iter().zip(rhs) {
-            row[..NOMINAL].copy_from_slice(r);
-            row[NOMINAL] = z;
-            factor.absorb(&mut row);
-        }
-        // Along blind directions what is known beforehand takes the place of readings. Where no reading at all sees one,
-        // this changes nothing else: of all solutions it takes the one of least norm.
-        let mut held = factor.clone();
-        for direction in visibility.blind_directions() {
-            let weight = direction
-                .iter()
-                .zip(&beforehand)
-                .fold(T::zero(), |sum, (d, sigma)| sum + (*d / *sigma).powi(2));
-            let weight = weight.sqrt() / k1;
-            row[..NOMINAL].copy_from_slice(&direction.map(|d| d * weight));
-            row[NOMINAL] = T::zero();
-            held.absorb(&mut row);
-        }
-        let chi2 = self.common.residual_squares() + held.residual_squares();
-        // Everything is divided by K1: where the readings leave it to rounding there is no answer.
-        let sees_scale = if is_prior {
-            self.design.sees_input_axis()
-        } else {
-            visibility.determines(0)
-        };
-        if !sees_scale {
-            return Err(FactorError::Undetermined { unknown: 0 });
-        }
-        if is_prior {
-            for k in 1..NOMINAL {
-                row.fill(T::zero());
-                row[k] = (beforehand[k] * k1).recip();
-                factor.absorb(&mut row);
-            }
-        } else {
-            factor = held;
-        }
-        let mut x = [T::zero(); NOMINAL];
-        factor.solve(0, &mut x)?;
-        let covariance = inverse_square(&factor.trailing::<NOMINAL>().0);
-        let (coefficients, mut covariance) = divide_by_scale_factor(&x, &covariance);
-        if !is_prior {
-            for direction in visibility.blind_directions() {
-                leave_out(&mut covariance, direction);
-            }
-        }
-        let doubtful = |k: &usize| {
-            let known = is_prior || visibility.determines(*k);
-            // NaN is no variance either.
-            known && !(covariance[*k][*k] > T::zero() && covariance[*k][*k].is_finite())
-        };
-        if let Some(unknown) = (0..NOMINAL).find(doubtful) {
-            return Err(FactorError::NoVariance { unknown });
-        }
-        Ok(Fit {
-            coefficients,
-            covariance,
-            visibility,
-            chi2,
+        Information {
+            triangle,
+            rhs,
+            residual_squares: self.common.residual_squares(),
+            scale_v_per_g: self.about.scale_factor_v_per_g,
+            design: self.design.clone(),
             readings: self.readings,
-        })
+        }
+        .solve_beside(beforehand, is_prior)
     }
 
     /// The number of readings so far.
@@ -482,6 +423,104 @@ impl<'a, T: Real> StaticTest<'a, T> {
             *r = cos * old_r + sin * old_x;
             *x = cos * old_x - sin * old_r;
         }
+    }
+}
+
+/// What readings tell of the coefficients, every other unknown eliminated.
+#[derive(Clone, Debug)]
+pub struct Information<T> {
+    /// Upper triangle R, for which R x = `rhs` at the least squares; x is K1 times (1, k0, k1', ...), V/g.
+    pub triangle: [[T; NOMINAL]; NOMINAL],
+    /// Right-hand side.
+    pub rhs: [T; NOMINAL],
+    /// Sum of squared whitened residuals that no x removes.
+    pub residual_squares: T,
+    /// About K1, V/g.
+    pub scale_v_per_g: T,
+    /// Positions of the readings.
+    pub design: Design<T>,
+    /// Number of readings.
+    pub readings: usize,
+}
+
+impl<T: Real> Information<T> {
+    /// The coefficients; arguments and errors as those of [`StaticTest::solve_beside`].
+    ///
+    /// # Errors
+    /// Those of [`StaticTest::solve`].
+    pub fn solve_beside(
+        &self,
+        beforehand: &[T; NOMINAL],
+        is_prior: bool,
+    ) -> Result<Fit<T>, FactorError> {
+        let mut beforehand = *beforehand;
+        beforehand[0] = T::lit(BEFOREHAND[0]);
+        let k1 = self.scale_v_per_g;
+        let condition = self.design.visibility().condition;
+        let visibility = Visibility::of_readings(&self.triangle, k1, &beforehand, condition);
+        let mut factor = TriangularFactor::new(NOMINAL, [T::zero(); storage_len(NOMINAL)])?;
+        let mut row = [T::zero(); NOMINAL + 1];
+        for (r, z) in self.triangle.iter().zip(self.rhs) {
+            row[..NOMINAL].copy_from_slice(r);
+            row[NOMINAL] = z;
+            factor.absorb(&mut row);
+        }
+        // Along blind directions what is known beforehand takes the place of readings. Where no reading at all sees one,
+        // this changes nothing else: of all solutions it takes the one of least norm.
+        let mut held = factor.clone();
+        for direction in visibility.blind_directions() {
+            let weight = direction
+                .iter()
+                .zip(&beforehand)
+                .fold(T::zero(), |sum, (d, sigma)| sum + (*d / *sigma).powi(2));
+            let weight = weight.sqrt() / k1;
+            row[..NOMINAL].copy_from_slice(&direction.map(|d| d * weight));
+            row[NOMINAL] = T::zero();
+            held.absorb(&mut row);
+        }
+        let chi2 = self.residual_squares + held.residual_squares();
+        // Everything is divided by K1: where the readings leave it to rounding there is no answer.
+        let sees_scale = if is_prior {
+            self.design.sees_input_axis()
+        } else {
+            visibility.determines(0)
+        };
+        if !sees_scale {
+            return Err(FactorError::Undetermined { unknown: 0 });
+        }
+        if is_prior {
+            for k in 1..NOMINAL {
+                row.fill(T::zero());
+                row[k] = (beforehand[k] * k1).recip();
+                factor.absorb(&mut row);
+            }
+        } else {
+            factor = held;
+        }
+        let mut x = [T::zero(); NOMINAL];
+        factor.solve(0, &mut x)?;
+        let covariance = inverse_square(&factor.trailing::<NOMINAL>().0);
+        let (coefficients, mut covariance) = divide_by_scale_factor(&x, &covariance);
+        if !is_prior {
+            for direction in visibility.blind_directions() {
+                leave_out(&mut covariance, direction);
+            }
+        }
+        let doubtful = |k: &usize| {
+            let known = is_prior || visibility.determines(*k);
+            // NaN is no variance either.
+            known && !(covariance[*k][*k] > T::zero() && covariance[*k][*k].is_finite())
+        };
+        if let Some(unknown) = (0..NOMINAL).find(doubtful) {
+            return Err(FactorError::NoVariance { unknown });
+        }
+        Ok(Fit {
+            coefficients,
+            covariance,
+            visibility,
+            chi2,
+            readings: self.readings,
+        })
     }
 }
 

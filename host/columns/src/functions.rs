@@ -1,0 +1,130 @@
+//! The functions of `vre` over a column of campaigns: pure, row by row, on all cores. A row that fails gives nulls and a reason.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use arrow::array::{Array, ArrayRef};
+use arrow::datatypes::DataType;
+use arrow::error::ArrowError;
+use host::campaign::{Campaign, Run, VibrationKind};
+use host::diagnose::answer::{NoiseFactor, SuspectRow};
+use host::diagnose::{diagnose, static_test};
+use host::error::Error;
+use host::prediction::predict;
+use host::statics::{Identification, Method, identify};
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::Value;
+use shared::model::SpecificForce;
+
+use crate::rows::{decode, to_array};
+
+/// What a function makes of a campaign without its excluded rows.
+type Answer = Result<Value, Error>;
+
+/// `vre identify`, with what readings say of each other.
+#[derive(Serialize)]
+struct Identified<'a> {
+    #[serde(flatten)]
+    identification: &'a Identification,
+    suspects: &'a [SuspectRow],
+    noise: &'a [NoiseFactor],
+}
+
+/// The coefficients of a campaign, as `vre identify` has them.
+///
+/// # Errors
+/// Those of [`identify`].
+pub fn identified(campaign: &Campaign) -> Answer {
+    let judged = static_test(campaign);
+    let identification = identify(&judged.belonging, Method::LeastSquares, None)?;
+    value(&Identified {
+        identification: &identification,
+        suspects: &judged.suspects,
+        noise: &judged.noise,
+    })
+}
+
+/// Predictions for these runs, or for the campaign's own, as `vre predict` has them.
+///
+/// # Errors
+/// Those of [`predict`].
+pub fn predicted(campaign: &Campaign, runs: Option<&[Run]>) -> Answer {
+    value(&predict(campaign, runs.unwrap_or(&campaign.runs), None)?)
+}
+
+/// The diagnosis of a campaign, as `vre diagnose` has it.
+///
+/// # Errors
+/// Those of [`diagnose`].
+pub fn diagnosed(campaign: &Campaign) -> Answer {
+    value(&diagnose(campaign, &[])?.diagnosis)
+}
+
+fn value(answer: &impl Serialize) -> Answer {
+    serde_json::to_value(answer).map_err(|error| Error::Usage(error.to_string()))
+}
+
+/// A vibration along IA with IA level, in words: `sine:5` with its peak, `random:1` with its rms in g, flat from 20 Hz to 2 kHz.
+///
+/// # Errors
+/// Other words.
+pub fn vibration(text: &str) -> Result<Run, String> {
+    let (kind, level) = text
+        .split_once(':')
+        .ok_or_else(|| format!("\"{text}\" is not KIND:LEVEL, such as random:1"))?;
+    let kind = VibrationKind::of_word(kind)
+        .ok_or_else(|| format!("\"{text}\": the kind is neither sine nor random"))?;
+    let level_g = level
+        .parse()
+        .ok()
+        .filter(|level: &f64| level.is_finite() && *level > 0.0);
+    Ok(Run {
+        run: 0,
+        time_s: 0.0,
+        kind,
+        direction: [1.0, 0.0, 0.0],
+        level_g: level_g.ok_or_else(|| format!("\"{text}\": the level is not greater than 0"))?,
+        band_hz: match kind {
+            VibrationKind::Sine => [100.0; 2],
+            VibrationKind::Random => [20.0, 2000.0],
+        },
+        specific_force_g: SpecificForce::new(0.0, 0.0, 1.0),
+        temp_c: 22.0,
+        duration_s: 60.0,
+        measured: None,
+        reference: None,
+        session: None,
+        exclude: false,
+        line: 0,
+        unknown: Vec::new(),
+    })
+}
+
+/// A function over a column of campaigns, with answers of this type.
+///
+/// # Errors
+/// An answer that does not fit its type, which is a fault of ours.
+pub fn over(
+    campaigns: &dyn Array,
+    data_type: &DataType,
+    function: impl Fn(&Campaign) -> Answer + Sync,
+) -> Result<ArrayRef, ArrowError> {
+    let answer = |row: usize| {
+        let reason = |reason: String| serde_json::json!({ "reason": reason });
+        if campaigns.is_null(row) {
+            return Value::Null;
+        }
+        // One row must never end a query over thousands.
+        let answer = catch_unwind(AssertUnwindSafe(|| {
+            let campaign = decode(campaigns, row)?.used();
+            function(&campaign).map_err(|error| error.to_string())
+        }));
+        match answer {
+            Ok(Ok(answer)) => answer,
+            Ok(Err(problem)) => reason(problem),
+            Err(_) => reason("a fault of the program; please report it with this campaign".into()),
+        }
+    };
+    let answers: Vec<Value> = (0..campaigns.len()).into_par_iter().map(answer).collect();
+    to_array(&answers, data_type)
+}
