@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::convert::Infallible;
 use std::future::{Future, pending, poll_fn};
 use std::pin::pin;
-use std::sync::Arc;
+use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
 use embassy_futures::block_on;
@@ -129,7 +129,7 @@ impl World {
 }
 
 #[derive(Clone)]
-struct Shared(Arc<RefCell<World>>);
+struct Shared(Rc<RefCell<World>>);
 
 impl SpiErrorType for Shared {
     type Error = Infallible;
@@ -263,7 +263,7 @@ impl Timers for Shared {
 
 /// The instrument, as far as its serial line shows.
 pub struct VirtualBoard {
-    world: Arc<RefCell<World>>,
+    world: Rc<RefCell<World>>,
     acquisition: Acquisition<'static, HalBus<Shared, Shared, Shared, Shared>, Shared>,
     app: App<'static>,
     memory: Store<Flash>,
@@ -322,7 +322,7 @@ impl VirtualBoard {
             gains: config.gains.map(Gain::factor),
             block_samples,
         };
-        let world = Arc::new(RefCell::new(World {
+        let world = Rc::new(RefCell::new(World {
             converter,
             now: 0,
             fell: 0,
@@ -330,7 +330,7 @@ impl VirtualBoard {
             input_v: Vec::new(),
             used: 0,
         }));
-        let shared = || Shared(Arc::clone(&world));
+        let shared = || Shared(Rc::clone(&world));
         let driver = Ads131m04::new(shared(), shared(), shared(), shared(), shared(), config);
         let queues: &'static mut Queues = Box::leak(Box::default());
         let (acquisition_end, application_end) = queues.split();

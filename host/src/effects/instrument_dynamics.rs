@@ -8,6 +8,7 @@ use super::{Action, Effect, even, linear, logarithmic};
 use crate::campaign::VibrationKind;
 use crate::forward::conditions::{Conditions, Witnesses};
 use crate::forward::contribution::{Contribution, Observable};
+use crate::forward::rows::RunConditions;
 
 pub(super) const EFFECTS: &[Effect] = &[
     // A loop whose gain falls as 1/f leaves the deflection theta = (i x)/(1 + i x) w_I, x = f/fc, and a pick-off that
@@ -89,13 +90,18 @@ fn alike(s: &Conditions) -> f64 {
     0.5 * s.peak_rel_error
 }
 
-/// The greatest and the least output of all runs, g, each if two records or more end there.
+/// The greatest and the least output of all runs, g, each if two random records or more end there.
 fn common_ends(s: &Conditions, seen: &Witnesses) -> [Option<f64>; 2] {
     let end = |sign: f64| {
-        let outward = |extremes_g: &[f64; 2]| sign * extremes_g[usize::from(sign > 0.0)];
-        let ends: Vec<f64> = seen.extremes_g.iter().flatten().map(outward).collect();
-        let end = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let there = ends.iter().filter(|&&e| e > end - alike(s) * end.abs());
+        let outward = |(run, extremes_g): (&RunConditions, &Option<[f64; 2]>)| {
+            Some((run.kind, sign * (*extremes_g)?[usize::from(sign > 0.0)]))
+        };
+        let runs = s.runs.iter().zip(&seen.extremes_g);
+        let ends: Vec<(VibrationKind, f64)> = runs.filter_map(outward).collect();
+        let end = ends.iter().map(|e| e.1).fold(f64::NEG_INFINITY, f64::max);
+        let there = ends.iter().filter(|&&(kind, outward)| {
+            kind == VibrationKind::Random && outward > end - alike(s) * end.abs()
+        });
         (there.count() > 1).then_some(sign * end)
     };
     [end(1.0), end(-1.0)]

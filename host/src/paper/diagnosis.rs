@@ -268,7 +268,7 @@ mod tests {
     fn one_number_fixes_the_blind_direction_and_leaves_nothing_to_test_an_effect_by() {
         for (row, compared) in TABLES.iter().zip(compare()) {
             let found = diagnose_published(row).unwrap();
-            assert_eq!(found.verdict, Verdict::NoGap, "{}", row.instrument);
+            assert_eq!(found.verdict, Verdict::CannotTell, "{}", row.instrument);
             assert_eq!((found.blind_directions, found.spare_numbers), (1, 0));
             let gap_g = row.measured_vre_g - compared.equation_9_vre_g;
             assert!(
