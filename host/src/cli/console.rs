@@ -4,6 +4,8 @@ use std::ffi::OsString;
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -21,6 +23,9 @@ pub struct Console {
     /// Print no text and no progress
     #[arg(long, short, global = true)]
     quiet: bool,
+    /// Whether the result was written as JSON.
+    #[arg(skip)]
+    answered: Arc<AtomicBool>,
 }
 
 impl Console {
@@ -35,7 +40,7 @@ impl Console {
         );
         Self {
             json: json.and_then(|file| file.or_else(|| rest.next().map(PathBuf::from))),
-            quiet: false,
+            ..Self::default()
         }
     }
 
@@ -66,11 +71,23 @@ impl Console {
         write_lines(io::stderr(), "standard error", &terminal_text(&line))
     }
 
+    /// Writes a failure where `--json` says, if it was given and holds no result: some commands fail with one, as a disagreement.
+    ///
+    /// # Errors
+    /// The file or standard output cannot be written.
+    pub(super) fn json_failure(&self, failure: &impl Serialize) -> Result<(), Error> {
+        match self.answered.load(Ordering::Relaxed) {
+            true => Ok(()),
+            false => self.json(failure),
+        }
+    }
+
     /// Writes `result` where `--json` says, if it was given.
     ///
     /// # Errors
     /// The file or standard output cannot be written.
     pub fn json(&self, result: &impl Serialize) -> Result<(), Error> {
+        self.answered.store(true, Ordering::Relaxed);
         match &self.json {
             None => Ok(()),
             Some(file) if self.json_to_stdout() => {

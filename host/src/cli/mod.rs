@@ -125,7 +125,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             let line = printable(&error.to_string().replace(char::is_control, " "));
             // With standard error closed, the exit status is all that is left to say it.
             let _ = writeln!(io::stderr(), "error: {line}");
-            let _ = console.json(&Failure::new(&error, line));
+            let _ = console.json_failure(&Failure::new(&error, line));
             ExitCode::from(error.exit_status())
         }
     }

@@ -14,12 +14,12 @@ use super::identify::{condition, sum};
 use super::{Command, Console, positive, read_campaign, triad};
 use crate::campaign::{is_triad, read_plan};
 use crate::error::Error;
-use crate::quantity::fixed;
 use crate::head::TYPE;
 use crate::head::batch::DEFAULT_SPREAD;
 use crate::head::harmonics::ADVICE;
 use crate::head::outlook::{Mounting, Outlook, PlannedBatch, outlook};
 use crate::head::posterior::{MEAN_SIGMA, Prior};
+use crate::quantity::fixed;
 use crate::statics::DEFAULT_PRIOR_SIGMA;
 use crate::statics::{
     self, Assessment, Conditions, Environment, NAMES, assess, best_plan, positions_to_add,

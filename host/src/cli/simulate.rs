@@ -119,7 +119,6 @@ impl Command for Simulate {
             console.json(&simulation.truth)
         }
     }
-
 }
 
 impl Simulate {

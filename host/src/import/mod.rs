@@ -7,7 +7,7 @@ mod layout;
 mod lines;
 mod source;
 mod unit;
-mod workbook;
+pub(crate) mod workbook;
 
 use std::path::Path;
 

@@ -15,7 +15,7 @@ const MAX_BYTES: u64 = 1 << 26;
 const BEGINNINGS: [&[u8]; 2] = [b"PK\x03\x04", b"\xd0\xcf\x11\xe0"];
 
 /// Whether a file that begins with `head` is a workbook.
-pub(super) fn is_workbook(head: &[u8]) -> bool {
+pub(crate) fn is_workbook(head: &[u8]) -> bool {
     BEGINNINGS
         .iter()
         .any(|beginning| head.starts_with(beginning))

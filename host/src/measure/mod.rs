@@ -119,6 +119,7 @@ pub fn is_record(file: &Path, columns: &[String]) -> Result<bool, Error> {
     source.read_to_end(&mut head).map_err(Error::read(file))?;
     match head.as_slice() {
         [] => Err(Error::input(file, Problem::EmptyFile)),
+        head if crate::import::workbook::is_workbook(head) => Ok(false),
         // Rubbish before the first frame may be long; a table has lines.
         head => Ok(head.contains(&0) || (columns.is_empty() && !head.contains(&b'\n'))),
     }
