@@ -117,7 +117,7 @@ impl Note<'_> {
     }
 }
 
-/// A text in pieces of at most [`MAX_TEXT`] bytes, cut between characters; at least one.
+/// A text in pieces of at most `MAX_TEXT` bytes, cut between characters; at least one.
 pub fn pieces(text: &str) -> Vec<&str> {
     let mut pieces = Vec::new();
     let mut rest = text;
