@@ -84,10 +84,10 @@ fn filtered(
     }
 }
 
-/// Relative difference of two records' ends below which they are the same, by chance in a few of a hundred campaigns: half
-/// of what the peak detector may be off.
+/// Relative difference of two records' ends below which they are the same: what the peak detector may be off between the two. Records
+/// that were not clipped come so near each other by chance in some of a hundred campaigns, which tells nothing of a limit.
 fn alike(s: &Conditions) -> f64 {
-    0.5 * s.peak_rel_error
+    s.peak_rel_error
 }
 
 /// The greatest and the least output of all runs, g, each if two random records or more end there.
@@ -192,7 +192,7 @@ impl Clip<'_> {
 
 /// In units of what two extremes may differ by, how far beyond its extremes a limit was certainly not met by a record. More than one,
 /// so that a search finds its way from a limit that is a little off.
-const NOT_MET: f64 = 10.0;
+const NOT_MET: f64 = 50.0;
 
 fn saturate(
     p: &[f64],
