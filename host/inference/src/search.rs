@@ -123,9 +123,9 @@ pub struct Search {
 pub fn search(model: &mut dyn SeparableModel, policy: &SearchPolicy) -> Option<Search> {
     let undisturbed = still_base(model)?;
     model.linearise_about(&undisturbed);
-    let mut nothing = vec![fit_base(model)?];
-    carry_to_own_base(model, policy, &mut nothing);
-    let null = nothing.remove(0);
+    let null = fit_base(model)?;
+    let null = carried(model, policy, null);
+    model.linearise_about(&null.base_values);
     let families = model.smooth_families();
     let null_adequacy = adequacy(model, &null, &families);
     let mut base = null.clone();
@@ -146,7 +146,7 @@ pub fn search(model: &mut dyn SeparableModel, policy: &SearchPolicy) -> Option<S
     let promising = best.is_some_and(|best| best.log_evidence > null.log_evidence + policy.worth);
     if promising {
         // What components take for the base, now that the largest bend is out of it.
-        carry_to_own_base(model, policy, &mut fits);
+        carry_best(model, policy, &mut fits);
     }
     let seek = Seek {
         model,
@@ -169,22 +169,28 @@ fn still_base(model: &dyn SeparableModel) -> Option<Vec<f64>> {
     Some(x)
 }
 
-/// Carries each of the best fits to where components take its own base, and the model to the best one's.
-fn carry_to_own_base(model: &mut dyn SeparableModel, policy: &SearchPolicy, fits: &mut [Fit]) {
-    let carried = policy.bases.min(fits.len());
-    for fit in &mut fits[..carried] {
-        for _ in 0..policy.carried {
-            model.linearise_about(&fit.base_values);
-            let again = fit_with_size(model, fit.members.clone(), &fit.precision_factor);
-            let Some(again) = again else { break };
-            let moved = (again.objective - fit.objective).abs();
-            *fit = again;
-            if moved < 0.1 * policy.alike {
-                break;
-            }
+/// A fit carried to where components take its own base.
+fn carried(model: &mut dyn SeparableModel, policy: &SearchPolicy, mut fit: Fit) -> Fit {
+    for _ in 0..policy.carried {
+        model.linearise_about(&fit.base_values);
+        let again = fit_with_size(model, fit.members.clone(), &fit.precision_factor);
+        let Some(again) = again else { break };
+        let moved = (again.objective - fit.objective).abs();
+        fit = again;
+        if moved < 0.1 * policy.alike {
+            break;
         }
     }
-    fits[..carried].sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    fit
+}
+
+/// Carries each of the best fits to its own base, and the model to the best one's.
+fn carry_best(model: &mut dyn SeparableModel, policy: &SearchPolicy, fits: &mut [Fit]) {
+    let best = policy.bases.min(fits.len());
+    for fit in &mut fits[..best] {
+        *fit = carried(model, policy, fit.clone());
+    }
+    fits[..best].sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     model.linearise_about(&fits[0].base_values);
 }
 
@@ -441,7 +447,7 @@ impl Seek<'_> {
     /// Drop of chi-square by a transformation, the base fitted anew.
     fn transformed_gain(&self, base: &Fit, prediction: &Prediction) -> f64 {
         let observations = self.model.observations();
-        let observed = observations.observed().to_vec();
+        let observed = observations.observed().part(0..observations.len());
         let uncertain = observations.uncertain();
         let Normal {
             mut matrix,

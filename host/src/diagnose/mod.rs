@@ -63,10 +63,7 @@ pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error>
     }
     Ok(Study {
         rows: rows::rows(&settled.model, judgement.shown(&settled.search)),
-        diagnosis: Diagnosis {
-            sight: sight.flatten(),
-            ..answer(campaign, &settled, &judgement, shrink)
-        },
+        diagnosis: answer(campaign, &settled, &judgement, shrink, sight.flatten()),
     })
 }
 
@@ -87,6 +84,7 @@ fn answer(
     settled: &Settled,
     judgement: &Judgement,
     shrink_of_best: Option<answer::Shrink>,
+    sight: Option<answer::Sight>,
 ) -> Diagnosis {
     let Settled { model, search, .. } = settled;
     let shown = judgement.shown(search);
@@ -119,6 +117,6 @@ fn answer(
         sessions: remarks::sessions(model, shown),
         shaker: remarks::shaker(model, shown),
         not_looked_at: location::not_looked_at(campaign),
-        sight: None,
+        sight,
     }
 }

@@ -139,13 +139,13 @@ impl Clip<'_> {
     }
 
     /// Whether a range of forces is within the limits, whatever the model's own error: that moves the edge of clipping.
-    fn is_beyond(&self, least_g: f64, most_g: f64) -> bool {
+    fn is_within(&self, least_g: f64, most_g: f64) -> bool {
         least_g > self.low + 0.2 && most_g < self.high - 0.2
     }
 
     /// Clipped less whole output.
     fn lost(&self, a: [f64; 3]) -> f64 {
-        if self.is_beyond(a[0], a[0]) {
+        if self.is_within(a[0], a[0]) {
             return 0.0;
         }
         let u = self.felt_g(a);
@@ -207,7 +207,8 @@ fn saturate(
         low: p[1] - p[0],
         high: p[1] + p[0],
     };
-    let ends = common_ends(s, seen);
+    // The starts of a search are too far apart for what is known so well.
+    let ends = (fidelity == Fidelity::Full).then(|| common_ends(s, seen));
     for (row, reading) in s.readings.iter().enumerate() {
         let a = reading.specific_force_g;
         change.add(Observable::Static, row, clip.lost([a.i, a.p, a.o]));
@@ -220,9 +221,8 @@ fn saturate(
         change.add(Observable::Before, row, rest);
         change.add(Observable::After, row, rest);
         let mut clip = clip;
-        // The starts of a search are too far apart for what is known so well.
-        if let (VibrationKind::Random, Some(extremes_g), Fidelity::Full) =
-            (run.kind, seen.extremes_g[row], fidelity)
+        if let (VibrationKind::Random, Some(extremes_g), Some(ends)) =
+            (run.kind, seen.extremes_g[row], ends)
         {
             let at_ends = at_ends(extremes_g, ends, alike(s));
             let [least, most] = clip.moves(extremes_g, at_ends);
@@ -235,7 +235,7 @@ fn saturate(
             VibrationKind::Sine => swing * (1.0 + motion.second_harmonic.abs()),
             VibrationKind::Random => 7.0 * swing,
         };
-        if clip.is_beyond(a0[0] - reach, a0[0] + reach) {
+        if clip.is_within(a0[0] - reach, a0[0] + reach) {
             continue;
         }
         let edges = [clip.low, clip.high].map(|end| clip.reached(end, a0, motion.amplitude_g));
