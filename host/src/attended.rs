@@ -246,15 +246,7 @@ impl<'a, C: Connection> Session<'a, C> {
     }
 
     fn view(&self) -> View {
-        let tally = self.link.tally();
-        let counts = Counts {
-            missing_samples: tally.blocks.missing,
-            missing_frames: tally.missing_frames,
-            not_sent: tally.blocks.not_sent,
-            restarts: tally.restarts,
-            faults: self.faults,
-            last_fault: self.last_fault.clone(),
-        };
+        let counts = Counts::of(&self.link.tally(), self.faults, self.last_fault.clone());
         self.walk.view(self.now_s(), counts)
     }
 

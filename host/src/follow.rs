@@ -95,15 +95,7 @@ impl Follower {
             let blocks = sums.map_or(0, |sums| sums.blocks() as u32);
             walk.follow(taken.number, &taken.dwell, blocks);
         }
-        let tally = self.reader.tally();
-        let counts = Counts {
-            missing_samples: tally.blocks.missing,
-            missing_frames: tally.missing_frames,
-            not_sent: tally.blocks.not_sent,
-            restarts: tally.restarts,
-            faults: self.faults,
-            last_fault: self.last_fault.clone(),
-        };
+        let counts = Counts::of(self.reader.tally(), self.faults, self.last_fault.clone());
         Ok(Some(walk.view(self.now_s, counts)))
     }
 

@@ -29,6 +29,23 @@ pub fn write_file(file: &Path, content: &[u8]) -> Result<(), Error> {
     write().map_err(Error::write(file))
 }
 
+/// Writes a table of comma separated values to `file`, in one step.
+///
+/// # Errors
+/// The file cannot be written.
+pub(crate) fn write_csv(
+    file: &Path,
+    fill: impl FnOnce(&mut csv::Writer<Vec<u8>>) -> csv::Result<()>,
+) -> Result<(), Error> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    fill(&mut writer).map_err(|error| Error::write(file)(error.into()))?;
+    let table = writer.into_inner();
+    write_file(
+        file,
+        &table.map_err(|error| Error::write(file)(error.into_error()))?,
+    )
+}
+
 /// Writes `result` as JSON to `file`, in one step.
 ///
 /// # Errors

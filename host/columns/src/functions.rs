@@ -6,11 +6,10 @@ use arrow::array::{Array, ArrayRef};
 use arrow::datatypes::DataType;
 use arrow::error::ArrowError;
 use host::campaign::{Campaign, Run, VibrationKind};
-use host::diagnose::answer::{NoiseFactor, SuspectRow};
-use host::diagnose::{diagnose, static_test};
+use host::diagnose::{Identified, diagnose, static_test};
 use host::error::Error;
 use host::prediction::predict;
-use host::statics::{Identification, Method, identify};
+use host::statics::{Method, identify};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
@@ -21,15 +20,6 @@ use crate::rows::{decode, to_array};
 /// What a function makes of a campaign without its excluded rows.
 type Answer = Result<Value, Error>;
 
-/// `vre identify`, with what readings say of each other.
-#[derive(Serialize)]
-struct Identified<'a> {
-    #[serde(flatten)]
-    identification: &'a Identification,
-    suspects: &'a [SuspectRow],
-    noise: &'a [NoiseFactor],
-}
-
 /// The coefficients of a campaign, as `vre identify` has them.
 ///
 /// # Errors
@@ -37,11 +27,7 @@ struct Identified<'a> {
 pub fn identified(campaign: &Campaign) -> Answer {
     let judged = static_test(campaign);
     let identification = identify(&judged.belonging, Method::LeastSquares, None)?;
-    value(&Identified {
-        identification: &identification,
-        suspects: &judged.suspects,
-        noise: &judged.noise,
-    })
+    value(&Identified::new(&identification, &judged))
 }
 
 /// Predictions for these runs, or for the campaign's own, as `vre predict` has them.

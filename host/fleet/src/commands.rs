@@ -9,7 +9,6 @@ use std::time::Duration;
 use clap::Parser;
 use clap::error::ErrorKind;
 use columns::rows::fixture_of;
-use futures::StreamExt;
 use host::bench::noise::Seed;
 use host::bench::plant::Plant;
 use host::error::{Error, printable};
@@ -312,15 +311,11 @@ async fn query(dataset: &Path, sql: &str, out: Option<&Path>, explain: bool) -> 
         return print(&format!("{}\n", out.display()));
     }
     let mut sink = Sink::open(out)?;
-    let mut stream = frame
-        .execute_stream()
-        .await
-        .map_err(|error| failure(&error))?;
-    while let Some(batch) = stream.next().await {
-        let batch = batch.map_err(|error| failure(&error))?;
+    engine::each_batch(frame, |batch| {
         bar.inc(batch.num_rows() as u64);
-        sink.take(batch)?;
-    }
+        sink.take(batch)
+    })
+    .await?;
     bar.finish_and_clear();
     match sink.end()? {
         Some(table) => print(&format!("{table}\n")),

@@ -3,11 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use datafusion::arrow::array::RecordBatch;
 use datafusion::arrow::datatypes::DataType;
 use datafusion::datasource::file_format::parquet::ParquetFormat;
 use datafusion::datasource::listing::ListingOptions;
 use datafusion::execution::config::SessionConfig;
-use datafusion::prelude::SessionContext;
+use datafusion::prelude::{DataFrame, SessionContext};
+use futures::StreamExt;
 use host::error::Error;
 
 use crate::dataset::{self, ROWS};
@@ -44,6 +46,22 @@ pub async fn session(dataset: &Path) -> Result<SessionContext, Error> {
         .await
         .map_err(|error| failure(&error))?;
     Ok(context)
+}
+
+/// Carries out a query and hands over its rows, batch by batch.
+///
+/// # Errors
+/// What the engine says, and what `take` does.
+pub async fn each_batch(
+    frame: DataFrame,
+    mut take: impl FnMut(RecordBatch) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let stream = frame.execute_stream().await;
+    let mut stream = stream.map_err(|error| failure(&error))?;
+    while let Some(batch) = stream.next().await {
+        take(batch.map_err(|error| failure(&error))?)?;
+    }
+    Ok(())
 }
 
 /// What the engine says, in one line.

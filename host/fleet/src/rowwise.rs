@@ -10,13 +10,12 @@ use datafusion::datasource::listing::ListingOptions;
 use datafusion::logical_expr::LogicalPlan;
 use datafusion::parquet::arrow::ArrowWriter;
 use datafusion::prelude::{DataFrame, SessionContext};
-use futures::StreamExt;
 use host::error::Error;
 use std::sync::Arc;
 
 use crate::commands::note;
 use crate::dataset;
-use crate::engine::{TABLE, failure};
+use crate::engine::{TABLE, each_batch, failure};
 
 /// Whether each row of the result comes from one row of the data set.
 pub fn is_rowwise(plan: &LogicalPlan) -> bool {
@@ -120,16 +119,11 @@ async fn part(frame: DataFrame, file: &Path) -> Result<(), Error> {
     let schema = Arc::new(frame.schema().as_arrow().clone());
     let mut writer =
         ArrowWriter::try_new(made, schema, None).map_err(|error| bad(error.to_string()))?;
-    let mut stream = frame
-        .execute_stream()
-        .await
-        .map_err(|error| failure(&error))?;
-    while let Some(batch) = stream.next().await {
-        let batch = batch.map_err(|error| failure(&error))?;
-        writer
-            .write(&batch)
-            .map_err(|error| bad(error.to_string()))?;
-    }
+    each_batch(frame, |batch| {
+        let written = writer.write(&batch);
+        written.map_err(|error| bad(error.to_string()))
+    })
+    .await?;
     writer.close().map_err(|error| bad(error.to_string()))?;
     std::fs::rename(&unfinished, file).map_err(Error::write(file))
 }

@@ -216,7 +216,8 @@ fn known() -> impl Iterator<Item = &'static Column> {
     TABLES.iter().flat_map(|table| table.columns)
 }
 
-const fn number(
+/// A column, or a key, of numbers.
+pub(super) const fn number(
     name: &'static str,
     range: &'static Range,
     need: Need,

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::columns::{Column, Content, Need};
-use super::ranges::{self, Range};
+use super::columns::{Column, Content, Need, number};
+use super::ranges;
 use crate::error::{Error, Place, Problem, clip};
 
 /// A table of `campaign.toml`.
@@ -17,22 +17,6 @@ pub struct KeyTable {
     pub required: bool,
     /// Its keys.
     pub keys: &'static [Column],
-}
-
-const fn number(
-    name: &'static str,
-    range: &'static Range,
-    need: Need,
-    example: &'static str,
-    meaning: &'static str,
-) -> Column {
-    Column {
-        name,
-        content: Content::Number(range),
-        need,
-        meaning,
-        example,
-    }
 }
 
 const fn text(

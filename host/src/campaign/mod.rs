@@ -53,7 +53,7 @@ pub use vibration_table::{
 
 use crate::error::{Error, Place, Problem, decimal};
 use crate::median::median;
-use crate::output::write_file;
+use crate::output::write_csv;
 use table::Row;
 
 /// All the measurements of one instrument.
@@ -310,8 +310,7 @@ fn write_table<'r, R: 'r>(
             extra.push(name);
         }
     }
-    let table = || -> csv::Result<Vec<u8>> {
-        let mut writer = csv::Writer::from_writer(Vec::new());
+    write_csv(file, |writer| {
         writer.write_record(columns.iter().chain(&extra))?;
         for row in rows {
             let further = extra.iter().map(|name| {
@@ -320,14 +319,8 @@ fn write_table<'r, R: 'r>(
             });
             writer.write_record(cells(row).into_iter().chain(further))?;
         }
-        writer
-            .into_inner()
-            .map_err(|error| error.into_error().into())
-    };
-    write_file(
-        file,
-        &table().map_err(|error| Error::write(file)(error.into()))?,
-    )
+        Ok(())
+    })
 }
 
 /// The word that stands for `meaning` in a table.

@@ -9,7 +9,7 @@ use super::ledger::Taken;
 use crate::bench::plan::{self, Dwell, Static};
 use crate::campaign::{self, Approach};
 use crate::error::Error;
-use crate::output::write_file;
+use crate::output::write_csv;
 
 /// The plan's name in the folder of a capture.
 pub const PLAN: &str = "plan.csv";
@@ -154,8 +154,7 @@ pub fn write_sheet(file: &Path, dwells: &[Dwell]) -> Result<(), Error> {
 }
 
 fn write_table(file: &Path, columns: &[&str], dwells: &[Dwell]) -> Result<(), Error> {
-    let table = || -> csv::Result<Vec<u8>> {
-        let mut writer = csv::Writer::from_writer(Vec::new());
+    write_csv(file, |writer| {
         writer.write_record(columns)?;
         for (order, dwell) in dwells.iter().enumerate() {
             let mut cells = vec![
@@ -171,14 +170,8 @@ fn write_table(file: &Path, columns: &[&str], dwells: &[Dwell]) -> Result<(), Er
             cells.resize(columns.len(), String::new());
             writer.write_record(cells)?;
         }
-        writer
-            .into_inner()
-            .map_err(|error| error.into_error().into())
-    };
-    write_file(
-        file,
-        &table().map_err(|error| Error::write(file)(error.into()))?,
-    )
+        Ok(())
+    })
 }
 
 /// The positions of the plan that no reading was taken at yet, in order.

@@ -4,14 +4,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use serde::Serialize;
 use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
 use super::{Command, Console, RowName, head, read_campaign, triad};
 use crate::campaign::is_triad;
-use crate::diagnose::answer::{NoiseFactor, SuspectRow};
-use crate::diagnose::{StaticTest, static_test};
+use crate::diagnose::{Identified, StaticTest, static_test};
 use crate::error::Error;
 use crate::report;
 use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
@@ -44,15 +42,6 @@ pub struct Identify {
     /// shaken. What the file knew before serves as --head
     #[arg(long, value_name = "HEAD.toml", conflicts_with = "head")]
     teach: Option<PathBuf>,
-}
-
-/// The coefficients, and what the readings say of each other.
-#[derive(Serialize)]
-struct Answer<'a> {
-    #[serde(flatten)]
-    identification: &'a Identification,
-    suspects: &'a [SuspectRow],
-    noise: &'a [NoiseFactor],
 }
 
 impl Command for Identify {
@@ -92,11 +81,7 @@ impl Command for Identify {
         if let Some(file) = &self.teach {
             head::teach(&as_measured, file, console)?;
         }
-        console.json(&Answer {
-            identification: &identification,
-            suspects: &judged.suspects,
-            noise: &judged.noise,
-        })
+        console.json(&Identified::new(&identification, &judged))
     }
 }
 

@@ -28,7 +28,7 @@ mod verdict;
 pub use answer::{Compensation, Diagnosis, Verdict};
 pub use onboard::WHY_NOT_CARRIED;
 pub use rows::GapRow;
-pub use static_test::{StaticTest, static_test};
+pub use static_test::{Identified, StaticTest, static_test};
 
 use crate::campaign::Campaign;
 use crate::contradictions::contradictions;

@@ -1,10 +1,13 @@
 //! A static test by itself: which readings belong, and how far their stated noise holds.
 
+use serde::Serialize;
+
 use super::answer::{NoiseFactor, SuspectRow};
 use super::remarks;
 use crate::campaign::Campaign;
 use crate::campaign_model::assumptions::Noise;
 use crate::campaign_model::judge::{self, suspects};
+use crate::statics::Identification;
 
 /// What a static test says of its own readings.
 #[derive(Clone, Debug)]
@@ -15,6 +18,26 @@ pub struct StaticTest {
     pub suspects: Vec<SuspectRow>,
     /// How far the stated noise of the readings holds; empty where they are too few to tell.
     pub noise: Vec<NoiseFactor>,
+}
+
+/// The coefficients and what the readings say of each other: `vre-identification/1` as programs get it.
+#[derive(Serialize)]
+pub struct Identified<'a> {
+    #[serde(flatten)]
+    identification: &'a Identification,
+    suspects: &'a [SuspectRow],
+    noise: &'a [NoiseFactor],
+}
+
+impl<'a> Identified<'a> {
+    /// Of an identification by the readings that belong.
+    pub fn new(identification: &'a Identification, judged: &'a StaticTest) -> Self {
+        Self {
+            identification,
+            suspects: &judged.suspects,
+            noise: &judged.noise,
+        }
+    }
 }
 
 /// Judges the readings of a campaign by each other; those that determine nothing are as they are stated.

@@ -9,6 +9,7 @@ use super::stops::StopState;
 use crate::bench::plan::Dwell;
 use crate::campaign::{Approach, Series};
 use crate::quantity::Quantity;
+use crate::record::Tally;
 use crate::statics::{self, Conditions, DEFAULT_PRIOR_SIGMA, MEANINGS, NAMES, assess};
 
 /// Everything that is shown.
@@ -69,6 +70,20 @@ pub struct Counts {
     pub faults: u64,
     /// See `faults`.
     pub last_fault: Option<String>,
+}
+
+impl Counts {
+    /// Of a record, with the faults of the converter that it tells of.
+    pub fn of(tally: &Tally, faults: u64, last_fault: Option<String>) -> Self {
+        Self {
+            missing_samples: tally.blocks.missing,
+            missing_frames: tally.missing_frames,
+            not_sent: tally.blocks.not_sent,
+            restarts: tally.restarts,
+            faults,
+            last_fault,
+        }
+    }
 }
 
 /// A stop.

@@ -78,11 +78,7 @@ fn a_redone_reading_a_remark_and_a_position_left_out_are_in_the_campaign() -> Ou
     run(async {
         let browser = Browsing::start(1280, 900).await?;
         let page = browser.open(&bench.url).await?;
-        for n in 1..=2 {
-            common::until(&page, "view && view.phase.is === 'place'").await?;
-            common::press(&page, "m").await?;
-            common::until(&page, &format!("view.readings.length === {n}")).await?;
-        }
+        common::measure_first(&page, 2).await?;
         common::press(&page, "r").await?;
         common::until(&page, "view.readings.length === 1 && view.at === 1").await?;
         common::press(&page, "m").await?;
@@ -135,11 +131,7 @@ fn a_pulled_cable_costs_the_reading_under_way_and_the_test_goes_on_when_it_is_ba
     run(async {
         let browser = Browsing::start(1280, 900).await?;
         let page = browser.open(&bench.url).await?;
-        for n in 1..=2 {
-            common::until(&page, "view && view.phase.is === 'place'").await?;
-            common::press(&page, "m").await?;
-            common::until(&page, &format!("view.readings.length === {n}")).await?;
-        }
+        common::measure_first(&page, 2).await?;
         common::press(&page, "m").await?;
         common::until(&page, "view.phase.is === 'read'").await?;
         bench.pull_cable();
@@ -212,11 +204,7 @@ fn the_page_holds_at_three_widths_bright_and_dark_and_names_every_control() -> O
     run(async {
         let browser = Browsing::start(1280, 900).await?;
         let page = browser.open(&bench.url).await?;
-        for n in 1..=9 {
-            common::until(&page, "view && view.phase.is === 'place'").await?;
-            common::press(&page, "m").await?;
-            common::until(&page, &format!("view.readings.length === {n}")).await?;
-        }
+        common::measure_first(&page, 9).await?;
         tokio::time::sleep(Duration::from_secs(2)).await;
         for (width, dark) in [
             (400, false),

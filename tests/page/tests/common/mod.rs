@@ -280,6 +280,16 @@ pub async fn press(page: &Page, key: &str) -> Outcome {
     Ok(())
 }
 
+/// Measures the first positions of a walk, so many.
+pub async fn measure_first(page: &Page, count: usize) -> Outcome {
+    for n in 1..=count {
+        until(page, "view && view.phase.is === 'place'").await?;
+        press(page, "m").await?;
+        until(page, &format!("view.readings.length === {n}")).await?;
+    }
+    Ok(())
+}
+
 /// Finishes the test and says yes to the question.
 pub async fn finish(page: &Page) -> Outcome {
     page.evaluate("window.confirm = () => true").await?;
