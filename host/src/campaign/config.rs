@@ -5,10 +5,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::ranges::{self, Range};
 use super::toml_file::read_toml;
 use super::{MarkErrors, keys, kind};
-use crate::error::{Error, Place, Problem, printable};
+use crate::error::{Error, printable};
 use crate::front_end::FrontEnd;
 use crate::output::write_file;
 
@@ -248,34 +247,16 @@ impl CampaignConfig {
     }
 
     pub(super) fn check(&self, file: &Path) -> Result<(), Error> {
-        let fail = |key: &str, problem| {
-            let place = Place {
-                column: Some(key.into()),
-                ..Place::file(file)
-            };
-            Err(Error::Input { place, problem })
+        let values = keys::Values {
+            format: &self.format,
+            serial: &self.instrument.serial,
+            numbers: &self.numbers(),
         };
-        if self.format != FORMAT {
-            let problem = Problem::NotOneOf {
-                value: self.format.clone(),
-                expected: "vre-campaign/1",
-            };
-            return fail("format", problem);
-        }
-        if self.instrument.serial.trim().is_empty() {
-            return fail("serial", Problem::Empty);
-        }
-        for (key, value, range) in self.numbers() {
-            if let Some(Err(problem)) = value.map(|value| range.check(value)) {
-                return fail(key, problem);
-            }
-        }
-        Ok(())
+        values.check(file, FORMAT)
     }
 
-    /// Every number, with its key and its range.
-    fn numbers(&self) -> [(&'static str, Option<f64>, &'static Range); 22] {
-        use ranges::{ARCSEC_SIGMA, G_SIGMA, RELATIVE_SIGMA};
+    /// Every number, with its key.
+    fn numbers(&self) -> [(&'static str, Option<f64>); 22] {
         let Self {
             instrument,
             bench,
@@ -287,100 +268,54 @@ impl CampaignConfig {
             (
                 "scale_factor_nominal_v_per_g",
                 Some(instrument.scale_factor_nominal_v_per_g),
-                &ranges::SCALE_FACTOR,
             ),
-            (
-                "full_scale_g",
-                Some(instrument.full_scale_g),
-                &ranges::FULL_SCALE,
-            ),
-            (
-                "dial_sigma_arcsec",
-                Some(bench.dial_sigma_arcsec),
-                &ARCSEC_SIGMA,
-            ),
+            ("full_scale_g", Some(instrument.full_scale_g)),
+            ("dial_sigma_arcsec", Some(bench.dial_sigma_arcsec)),
             (
                 "dial_repeat_sigma_arcsec",
                 Some(bench.dial_repeat_sigma_arcsec),
-                &ARCSEC_SIGMA,
             ),
-            (
-                "mount_sigma_arcsec",
-                Some(bench.mount_sigma_arcsec),
-                &ARCSEC_SIGMA,
-            ),
-            (
-                "level_sigma_arcsec",
-                Some(bench.level_sigma_arcsec),
-                &ARCSEC_SIGMA,
-            ),
-            (
-                "local_gravity_g",
-                Some(bench.local_gravity_g),
-                &ranges::LOCAL_GRAVITY,
-            ),
-            (
-                "reference_temp_c",
-                Some(bench.reference_temp_c),
-                &ranges::TEMPERATURE,
-            ),
-            ("session_bias_sigma_g", bench.session_bias_sigma_g, &G_SIGMA),
+            ("mount_sigma_arcsec", Some(bench.mount_sigma_arcsec)),
+            ("level_sigma_arcsec", Some(bench.level_sigma_arcsec)),
+            ("local_gravity_g", Some(bench.local_gravity_g)),
+            ("reference_temp_c", Some(bench.reference_temp_c)),
+            ("session_bias_sigma_g", bench.session_bias_sigma_g),
             (
                 "session_alignment_sigma_arcsec",
                 bench.session_alignment_sigma_arcsec,
-                &ARCSEC_SIGMA,
             ),
-            (
-                "session_gain_rel_sigma",
-                bench.session_gain_rel_sigma,
-                &RELATIVE_SIGMA,
-            ),
-            (
-                "sample_rate_hz",
-                Some(acquisition.sample_rate_hz),
-                &ranges::SAMPLE_RATE,
-            ),
-            ("divider", acquisition.divider, &ranges::FACTOR),
-            ("gain", acquisition.gain, &ranges::FACTOR),
-            (
-                "sigma_dof",
-                acquisition.sigma_dof,
-                &ranges::DEGREES_OF_FREEDOM,
-            ),
+            ("session_gain_rel_sigma", bench.session_gain_rel_sigma),
+            ("sample_rate_hz", Some(acquisition.sample_rate_hz)),
+            ("divider", acquisition.divider),
+            ("gain", acquisition.gain),
+            ("sigma_dof", acquisition.sigma_dof),
             (
                 "reference_rms_rel_sigma",
                 shaker.map(|shaker| shaker.reference_rms_rel_sigma),
-                &RELATIVE_SIGMA,
             ),
             (
                 "reference_cross_sensitivity",
                 shaker.and_then(|shaker| shaker.reference_cross_sensitivity),
-                &RELATIVE_SIGMA,
             ),
             (
                 "reference_noise_g",
                 shaker.and_then(|shaker| shaker.reference_noise_g),
-                &G_SIGMA,
             ),
             (
                 "reference_gain_rel_sigma",
                 shaker.and_then(|shaker| shaker.reference_gain_rel_sigma),
-                &RELATIVE_SIGMA,
             ),
             (
                 "vre_g",
                 self.limits.as_ref().and_then(|limits| limits.vre_g),
-                &ranges::VRE_LIMIT,
             ),
             (
                 "peak_rel_sigma",
                 shaker.and_then(|shaker| shaker.peak_rel_sigma),
-                &RELATIVE_SIGMA,
             ),
             (
                 "peak_gain_rel_sigma",
                 shaker.and_then(|shaker| shaker.peak_gain_rel_sigma),
-                &RELATIVE_SIGMA,
             ),
         ]
     }
@@ -411,5 +346,22 @@ impl CampaignConfig {
             keys.map(move |key| keys::place(table, key))
         });
         keys.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::noise::Seed;
+    use crate::bench::plan::Static;
+    use crate::bench::simulate::{Specification, VirtualBench};
+
+    #[test]
+    fn every_number_of_the_head_has_its_range_among_the_keys() {
+        let specification = Specification::with_dial_sigma(1.0);
+        let bench = VirtualBench::new(Seed(1), Static::Default, specification, Vec::new());
+        for (key, _) in bench.config().numbers() {
+            assert!(keys::range(key).is_some(), "{key}");
+        }
     }
 }

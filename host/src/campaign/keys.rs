@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::columns::{Column, Content, Need, number};
-use super::ranges;
+use super::ranges::{self, Range};
 use crate::error::{Error, Place, Problem, clip};
 
 /// A table of `campaign.toml`.
@@ -287,6 +287,50 @@ pub(super) fn place(table: Option<&str>, key: &str) -> String {
         Some(table) => format!("[{table}] {}", clip(key)),
         None => clip(key),
     }
+}
+
+/// What `campaign.toml` says, as far as it can be wrong by itself.
+pub(super) struct Values<'c> {
+    pub(super) format: &'c str,
+    pub(super) serial: &'c str,
+    /// Key and value, if it is given.
+    pub(super) numbers: &'c [(&'static str, Option<f64>)],
+}
+
+impl Values<'_> {
+    /// The format must be the one `expected`, the serial number must not be empty, each number in the range of its key.
+    pub(super) fn check(&self, file: &Path, expected: &'static str) -> Result<(), Error> {
+        let fail = |key: &str, problem| {
+            let place = Place {
+                column: Some(key.into()),
+                ..Place::file(file)
+            };
+            Err(Error::Input { place, problem })
+        };
+        if self.format != expected {
+            let value = self.format.into();
+            return fail("format", Problem::NotOneOf { value, expected });
+        }
+        if self.serial.trim().is_empty() {
+            return fail("serial", Problem::Empty);
+        }
+        for (key, value) in self.numbers {
+            let range = range(key);
+            if let Some(Err(problem)) = range.zip(*value).map(|(range, value)| range.check(value)) {
+                return fail(key, problem);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The range of a key that is a number.
+pub(super) fn range(key: &str) -> Option<&'static Range> {
+    let mut known = KEYS.iter().flat_map(|table| table.keys);
+    known.find_map(|known| match known.content {
+        Content::Number(range) if known.name == key => Some(range),
+        _ => None,
+    })
 }
 
 /// No key may be nearly a known one of its table, nor one of another table.

@@ -11,8 +11,8 @@ use super::kind::TRIAD;
 use super::positions_table::{self, TriadPosition};
 use super::toml_file::read_toml;
 use super::triad_runs::{self, TriadRun};
-use super::{ranges, table_file};
-use crate::error::{Error, Place, Problem, printable};
+use super::{keys, table_file};
+use crate::error::{Error, Problem, printable};
 use crate::output::write_file;
 
 /// All the measurements of one triad.
@@ -111,47 +111,31 @@ impl TriadConfig {
     fn read(file: &Path) -> Result<Self, Error> {
         let mut config: Self = read_toml(file, |_| Ok(()))?;
         config.instrument.serial = printable(&config.instrument.serial);
-        let fail = |key: &str, problem| {
-            let place = Place {
-                column: Some(key.into()),
-                ..Place::file(file)
-            };
-            Error::Input { place, problem }
-        };
-        if config.format != FORMAT {
-            let value = config.format.clone();
-            let expected = FORMAT;
-            return Err(fail("format", Problem::NotOneOf { value, expected }));
+        keys::Values {
+            format: &config.format,
+            serial: &config.instrument.serial,
+            numbers: &config.numbers(),
         }
-        let (instrument, bench) = (&config.instrument, &config.bench);
-        if instrument.serial.trim().is_empty() {
-            return Err(fail("serial", Problem::Empty));
-        }
-        let scale = Some(instrument.scale_factor_nominal_v_per_g);
-        for (key, value, range) in [
-            ("scale_factor_nominal_v_per_g", scale, &ranges::SCALE_FACTOR),
-            ("full_scale_g", instrument.full_scale_g, &ranges::FULL_SCALE),
+        .check(file, FORMAT)?;
+        Ok(config)
+    }
+
+    /// Every number, with its key.
+    fn numbers(&self) -> [(&'static str, Option<f64>); 5] {
+        let (instrument, bench) = (&self.instrument, &self.bench);
+        [
+            (
+                "scale_factor_nominal_v_per_g",
+                Some(instrument.scale_factor_nominal_v_per_g),
+            ),
+            ("full_scale_g", instrument.full_scale_g),
             (
                 "cross_coupling_sigma_per_g",
                 instrument.cross_coupling_sigma_per_g,
-                &ranges::RELATIVE_SIGMA,
             ),
-            (
-                "local_gravity_g",
-                Some(bench.local_gravity_g),
-                &ranges::LOCAL_GRAVITY,
-            ),
-            (
-                "local_gravity_sigma_g",
-                bench.local_gravity_sigma_g,
-                &ranges::G_SIGMA,
-            ),
-        ] {
-            if let Some(Err(problem)) = value.map(|value| range.check(value)) {
-                return Err(fail(key, problem));
-            }
-        }
-        Ok(config)
+            ("local_gravity_g", Some(bench.local_gravity_g)),
+            ("local_gravity_sigma_g", bench.local_gravity_sigma_g),
+        ]
     }
 }
 
@@ -195,5 +179,17 @@ impl TriadCampaign {
             fs::remove_file(&vibration).map_err(Error::write(&vibration))?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_of_a_triads_head_has_its_range_among_the_keys() {
+        for (key, _) in TriadConfig::new("A", 1.0, None, 1.0).numbers() {
+            assert!(keys::range(key).is_some(), "{key}");
+        }
     }
 }
