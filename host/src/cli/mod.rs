@@ -8,6 +8,7 @@ mod environment;
 mod head;
 mod operator;
 mod triad;
+mod wrap;
 
 use std::ffi::OsString;
 use std::io::{self, Write};

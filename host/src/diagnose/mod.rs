@@ -13,6 +13,7 @@ mod estimates;
 mod held_out;
 mod identification;
 mod improvement;
+mod likeness;
 mod location;
 mod next_tests;
 mod onboard;
@@ -118,5 +119,8 @@ fn answer(
         shaker: remarks::shaker(model, shown),
         not_looked_at: location::not_looked_at(campaign),
         sight,
+        like: (verdict == Verdict::Unexplained)
+            .then(|| likeness::likeness(model, search))
+            .flatten(),
     }
 }
