@@ -6,7 +6,7 @@ use host::bench::effects;
 use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Simulation, Specification, VirtualBench};
-use host::campaign::{Campaign, Run, VibrationKind};
+use host::campaign::{Campaign, Run, Series, VibrationKind};
 use host::campaign_model::CampaignModel;
 use host::campaign_model::assumptions::Assumptions;
 use host::diagnose::{Diagnosis, Verdict, diagnose};
@@ -17,6 +17,7 @@ use host::forward::nominal::coefficients;
 use host::quantity::Quantity;
 use host::refit::predict_refitted;
 use host::report::diagnosis_text;
+use host::statics::position;
 use host::study::{Kind, Score, Scoreboard, blind_check};
 use inference::model::{Member, SeparableModel};
 use rayon::prelude::*;
@@ -261,6 +262,36 @@ fn an_unexplained_gap_says_what_it_is_like_and_where_it_is_not() {
     assert!(text.contains("\nlike     drift"), "{text}");
     let explained = simulate(77, Some(("drift", 0.2))).campaign;
     assert_eq!(diagnose(&explained, &[]).unwrap().diagnosis.like, None);
+}
+
+/// The dial turned the other way in one series, and in all: no effect is named for it, and where the runs tell, the dial is.
+#[test]
+fn a_dial_that_turned_the_other_way_is_no_effect() {
+    let (mut told, mut of) = (0, 0);
+    for seed in 60..72 {
+        let sound = simulate(seed, None).campaign;
+        for turned in [
+            vec![Series::OutputAxis],
+            vec![Series::OutputAxis, Series::PendulousAxis],
+        ] {
+            let mut campaign = sound.clone();
+            let readings = campaign.readings.iter_mut();
+            for reading in readings.filter(|r| turned.contains(&r.series)) {
+                reading.dial_deg = -reading.dial_deg;
+                reading.specific_force_g = position(reading).specific_force();
+            }
+            let diagnosis = diagnose(&campaign, &[]).unwrap().diagnosis;
+            assert_ne!(diagnosis.verdict, Verdict::Explained, "seed {seed}");
+            let slips = diagnosis.contradictions.iter();
+            let dials = slips.filter(|c| c.between[0] == "dial_deg").count();
+            if dials > 0 {
+                assert_eq!(diagnosis.verdict, Verdict::Unexplained);
+            }
+            told += dials;
+            of += 1;
+        }
+    }
+    assert!(2 * told > of, "{told} of {of}");
 }
 
 /// The head's marks err three times as much as the campaign states.

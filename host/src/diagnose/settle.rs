@@ -32,6 +32,8 @@ pub(super) struct Settled {
     pub(super) model: CampaignModel,
     pub(super) search: Search,
     pub(super) assumptions: Assumptions,
+    /// Logarithm of the posterior weight of what was found, up to what all ways to read the tables share.
+    pub(super) weight: f64,
     /// Rows that do not belong, with their distance in standard deviations.
     pub(super) suspects: Vec<Suspect>,
     /// Each kind of noise: the factor on its stated size by what the answer leaves, and its relative standard uncertainty.
@@ -81,7 +83,7 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
         model,
         search,
         assumptions,
-        ..
+        weight,
     } = best;
     let fit = &search.hypotheses[0].fit;
     let suspects = suspects(campaign, &model, fit, &assumptions);
@@ -90,6 +92,7 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
         model,
         search,
         assumptions,
+        weight,
         suspects,
         noise,
     })
@@ -123,7 +126,7 @@ fn attempt(
 }
 
 /// The weight that an attempt under these assumptions has at least: that of no effect.
-fn nothing_but(campaign: &Campaign, assumptions: &Assumptions) -> Option<f64> {
+pub(super) fn nothing_but(campaign: &Campaign, assumptions: &Assumptions) -> Option<f64> {
     let model = CampaignModel::assuming(campaign, &[], &[], assumptions);
     let fit = fit_base(&model)?;
     let of_rows = log_weight_of_rows(campaign, &model, &fit, assumptions);
