@@ -148,11 +148,6 @@ fn request(column: &str, time: Option<&str>, units_per_g: f64) -> Request {
     }
 }
 
-fn shift(found: &Measurement) -> (Option<f64>, Option<f64>) {
-    let shift = found.axes[0].shift_g;
-    (shift.value, shift.sigma)
-}
-
 /// The shift of a channel between the halves of its record, of which the first sample is taken at `from_s`.
 fn halves(file: &str, mut request: Request, from_s: f64) -> [f64; 2] {
     // Edges between samples.

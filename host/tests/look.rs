@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use host::campaign::{CampaignConfig, Run, VibrationKind, read_runs};
-use rand::rngs::StdRng;
 use rand::SeedableRng;
+use rand::rngs::StdRng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value;
 
@@ -22,12 +22,19 @@ fn vre(arguments: &[&str]) -> (String, Value) {
     let mut command = Command::cargo_bin("vre").unwrap();
     let assert = command.args(arguments).arg("--json").arg(&json).assert();
     let text = String::from_utf8(assert.success().get_output().stdout.clone()).unwrap();
-    (text, serde_json::from_slice(&fs::read(json).unwrap()).unwrap())
+    (
+        text,
+        serde_json::from_slice(&fs::read(json).unwrap()).unwrap(),
+    )
 }
 
 /// Runs the command, which must refuse in one line.
 fn refused(arguments: &[&str]) -> String {
-    let assert = Command::cargo_bin("vre").unwrap().args(arguments).assert().code(2);
+    let assert = Command::cargo_bin("vre")
+        .unwrap()
+        .args(arguments)
+        .assert()
+        .code(2);
     let told = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
     assert_eq!(told.lines().count(), 1, "{told}");
     told
@@ -57,7 +64,10 @@ fn look_tells_channels_rates_units_and_lengths_of_every_format() {
     let (text, found) = vre(&["look", text_of(&formats().join("record.tdms"))]);
     assert_eq!(found["file_format"], "TDMS");
     let x = &found["channels"][0];
-    assert_eq!((&x["name"], &x["unit"], &x["rate_hz"]), (&"x".into(), &"g".into(), &200.0.into()));
+    assert_eq!(
+        (&x["name"], &x["unit"], &x["rate_hz"]),
+        (&"x".into(), &"g".into(), &200.0.into())
+    );
     // A vibration that sets in half way: low bars, then high ones.
     assert_eq!(x["drawn"], "standard-deviation");
     let bars = text.lines().find(|line| line.contains('\u{2588}')).unwrap();
@@ -65,14 +75,14 @@ fn look_tells_channels_rates_units_and_lengths_of_every_format() {
     assert!(refused(&["look", text_of(&formats().join("nothing.wav"))]).contains("nothing.wav"));
 }
 
-/// Volts a g of the campaign's instrument.
-const SCALE: f64 = 1.2;
-
-/// An instrument of 1.2 V/g along gravity beside a reference, at 500 Hz: 8 s of rest and 10 s of plateau in turns, with sines of
+/// An instrument of `scale` volts a g along gravity beside a reference, at 500 Hz: 8 s of rest and 10 s of plateau in turns, with sines of
 /// these amplitudes along IA and OA (0.6 and 0.8), which shift the instrument by a thousandth of the square of that along IA.
-fn shaken(amplitudes_g: &[f64]) -> String {
+fn shaken(scale: f64, amplitudes_g: &[f64]) -> String {
     let mut rng = StdRng::seed_from_u64(5);
-    let mut noise = |sigma: f64| sigma * StandardNormal.sample(&mut rng) as f64;
+    let mut noise = |sigma: f64| {
+        let deviate: f64 = StandardNormal.sample(&mut rng);
+        sigma * deviate
+    };
     let mut table = String::from("t_s,out,x_g,y_g,z_g\n");
     let mut n = 0u32;
     let mut row = |amplitude: f64| {
@@ -80,7 +90,7 @@ fn shaken(amplitudes_g: &[f64]) -> String {
         n += 1;
         let sine = (std::f64::consts::TAU * 40.0 * t).sin();
         let along = 0.6 * amplitude * sine;
-        let output = SCALE * (1.0 + along + 2e-3 * (0.6 * amplitude).powi(2) * sine * sine);
+        let output = scale * (1.0 + along + 2e-3 * (0.6 * amplitude).powi(2) * sine * sine);
         let (x, z) = (1.0 + along, 0.8 * amplitude * sine);
         let _ = writeln!(
             table,
@@ -120,8 +130,10 @@ const AXES: &str = "u=out,ref_i=x_g,ref_p=y_g,ref_o=z_g";
 fn plateaus_become_runs_with_the_moments_that_the_reference_saw() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("record.csv");
-    fs::write(&file, shaken(&[2.0, 5.0])).unwrap();
     let (campaign, before) = campaign(folder.path());
+    let config = CampaignConfig::read(&campaign.join("campaign.toml")).unwrap();
+    let scale = config.instrument.scale_factor_nominal_v_per_g;
+    fs::write(&file, shaken(scale, &[2.0, 5.0])).unwrap();
     let page = folder.path().join("page.html");
     let arguments = ["measure", text_of(&file), "--time", "t_s", "--axes", AXES];
     let more = ["--into", text_of(&campaign), "--html", text_of(&page)];
@@ -129,10 +141,24 @@ fn plateaus_become_runs_with_the_moments_that_the_reference_saw() {
     assert!(text.contains("2 runs appended"), "{text}");
     let all = runs(&campaign);
     assert_eq!(all.len(), before.len() + 2);
-    assert_eq!(all[..before.len()].iter().map(|run| run.run).collect::<Vec<_>>(), before.iter().map(|run| run.run).collect::<Vec<_>>());
-    for ((run, amplitude), plateau) in all[before.len()..].iter().zip([2.0, 5.0]).zip(found["plateaus"].as_array().unwrap()) {
+    assert_eq!(
+        all[..before.len()]
+            .iter()
+            .map(|run| run.run)
+            .collect::<Vec<_>>(),
+        before.iter().map(|run| run.run).collect::<Vec<_>>()
+    );
+    for ((run, amplitude), plateau) in all[before.len()..]
+        .iter()
+        .zip([2.0, 5.0])
+        .zip(found["plateaus"].as_array().unwrap())
+    {
         assert_eq!(run.kind, VibrationKind::Sine);
-        assert!((run.level_g / amplitude - 1.0).abs() < 1e-3, "{}", run.level_g);
+        assert!(
+            (run.level_g / amplitude - 1.0).abs() < 1e-3,
+            "{}",
+            run.level_g
+        );
         assert!((run.band_hz[0] - 40.0).abs() < 0.01 && run.band_hz[0] == run.band_hz[1]);
         for (found, true_) in run.direction.iter().zip([0.6, 0.0, 0.8]) {
             assert!((found - true_).abs() < 1e-3, "{:?}", run.direction);
@@ -140,12 +166,15 @@ fn plateaus_become_runs_with_the_moments_that_the_reference_saw() {
         let force = run.specific_force_g;
         assert!((force.i - 1.0).abs() < 1e-3 && force.p.abs() < 1e-3 && force.o.abs() < 1e-3);
         let measured = run.measured.unwrap();
-        let shift_g = (measured.during_v - measured.before_v) / SCALE;
+        let shift_g = (measured.during_v - measured.before_v) / scale;
         let told = plateau["axes"][0]["shift_g"]["value"].as_f64().unwrap();
         assert!((shift_g - told).abs() < 1e-12, "{shift_g} of {told}");
         let expected = 1e-3 * (0.6f64 * amplitude).powi(2);
-        let sigma_g = 2f64.sqrt() * measured.sigma_v / SCALE;
-        assert!((shift_g - expected).abs() < 4.0 * sigma_g && sigma_g < 1e-4, "{shift_g} +- {sigma_g}, not {expected}");
+        let sigma_g = 2f64.sqrt() * measured.sigma_v / scale;
+        assert!(
+            (shift_g - expected).abs() < 4.0 * sigma_g && sigma_g < 1e-4,
+            "{shift_g} +- {sigma_g}, not {expected}"
+        );
         let seen = run.reference.unwrap();
         assert!((seen.rms_g[0] - 0.6 * amplitude / 2f64.sqrt()).abs() < 1e-3);
         assert!((seen.kurtosis[0] - 1.5).abs() < 1e-2 && seen.skewness[0].abs() < 1e-2);
@@ -155,23 +184,38 @@ fn plateaus_become_runs_with_the_moments_that_the_reference_saw() {
     for needle in ["<svg", "Plateaus", "temperature", "shift"] {
         assert!(page.contains(needle), "{needle}");
     }
-    assert!(!page.contains("http://") || page.matches("http://").count() == page.matches("http://www.w3.org").count());
+    assert!(
+        !page.contains("http://")
+            || page.matches("http://").count() == page.matches("http://www.w3.org").count()
+    );
 }
 
 #[test]
 fn a_campaign_that_takes_no_runs_is_left_as_it_is_and_says_why() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("record.csv");
-    fs::write(&file, shaken(&[2.0])).unwrap();
+    fs::write(&file, shaken(1.2, &[2.0])).unwrap();
     let (campaign, _) = campaign(folder.path());
     let table = fs::read(campaign.join("vibration.csv")).unwrap();
     let into = |axes: &str| {
-        let arguments = ["measure", text_of(&file), "--time", "t_s", "--axes", axes, "--into", text_of(&campaign)];
+        let arguments = [
+            "measure",
+            text_of(&file),
+            "--time",
+            "t_s",
+            "--axes",
+            axes,
+            "--into",
+            text_of(&campaign),
+        ];
         refused(&arguments)
     };
     for (axes, told) in [
         ("u=out,ref_i=x_g", "--gravity I,P,O is needed"),
-        ("u=out,ref_i=out", "column out: is no column of a unit of acceleration"),
+        (
+            "u=out,ref_i=out",
+            "column out: is no column of a unit of acceleration",
+        ),
         ("u=out,ref_i=w_g", "column w_g: is missing from the header"),
         ("ref_i=x_g", "names no column of the output"),
         ("u=out,u=out", "names u twice"),
