@@ -131,6 +131,70 @@ fn a_time_stamp_of_parquet_counts_from_its_midnight() {
     assert!((time.values[239] - 80_001.195).abs() < 1e-9);
 }
 
+#[test]
+fn a_row_without_a_value_is_no_number() {
+    let (gappy, whole) = (
+        channel("gappy_g", "stamped.parquet"),
+        channel("x_g", "stamped.parquet"),
+    );
+    assert_eq!(gappy.values.len(), 240);
+    for (n, (found, value)) in gappy.values.iter().zip(whole.values).enumerate() {
+        match n % 10 {
+            3 => assert!(found.is_nan(), "{n}"),
+            _ => assert_eq!(*found, value, "{n}"),
+        }
+    }
+    let error = measure(
+        &folder().join("stamped.parquet"),
+        &request("gappy_g", None, 1.0),
+    );
+    let line = error.unwrap_err().to_string();
+    assert!(
+        line.contains("column gappy_g: sample 4 is not a finite number"),
+        "{line}"
+    );
+}
+
+#[test]
+fn the_scales_that_a_channel_states_are_applied_one_after_the_other() {
+    let values = channel("x_g", "record.csv").values;
+    assert_eq!(channel("a/x", "scaled.tdms").values, values);
+    let counts: Vec<f64> = values.iter().map(|g| 1024.0 * g).collect();
+    assert_eq!(channel("b/x", "scaled.tdms").values, counts);
+}
+
+#[test]
+fn uneven_times_and_numbers_that_touch_each_other_are_read_from_a_universal_file() {
+    let told = |line: &str| format!("{line:<80}\n");
+    let mut set: String = ["    -1", "    58", "x", "NONE", "NONE", "NONE", "NONE"]
+        .map(told)
+        .concat();
+    set +=
+        &told("    1         0    0         0       NONE         7   3       NONE         0   0");
+    set += &told("         4         3         0  0.00000e+00  0.00000e+00  0.00000e+00");
+    set += &told("        17    0    0    0 Time                 s");
+    set += &told("        12    0    0    0 Acceleration         m/s^2");
+    set += &told("         0    0    0    0 NONE                 NONE");
+    set += &told("         0    0    0    0 NONE                 NONE");
+    // E13.5 and E20.12 in turns, without a blank between.
+    set += "-1.00000e-001-1.000000000000e+000 0.00000e+000 2.5000000000000e+00\n 3.00000D-001-4.0000000000000D+00\n    -1\n";
+    let found = damaged("uneven.uff", set.as_bytes()).unwrap();
+    assert_eq!(
+        (found[0].name.as_str(), found[0].unit.as_deref()),
+        ("x", Some("m/s^2"))
+    );
+    assert_eq!(times(&found[0]), [-0.1, 0.0, 0.3]);
+    assert_eq!(found[0].values, [-1.0, 2.5, -4.0]);
+    let short = set.replace("         3         0  0.0", "         4         0  0.0");
+    let line = damaged("uneven.uff", short.as_bytes())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        line.contains("data set at line 2: ends after 3 of 4 samples"),
+        "{line}"
+    );
+}
+
 fn request(column: &str, time: Option<&str>, units_per_g: f64) -> Request {
     Request {
         columns: Columns {

@@ -7,6 +7,7 @@ use parquet::basic::{LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
+use parquet::file::metadata::ParquetMetaData;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
@@ -25,7 +26,9 @@ const DAY: i64 = 86_400;
 /// Unreadable, damaged, or without a column of numbers.
 pub(super) fn open(file: &Path, wanted: Wanted<'_>) -> Result<Channels, Error> {
     let source = File::open(file).map_err(Error::read(file))?;
+    let length = source.metadata().map_err(Error::read(file))?.len();
     let reader = SerializedFileReader::new(source).map_err(damaged(file))?;
+    check(reader.metadata(), length).map_err(damaged(file))?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let columns = schema.columns().iter().enumerate();
     let columns: Vec<Column> = columns
@@ -52,6 +55,28 @@ pub(super) fn open(file: &Path, wanted: Wanted<'_>) -> Result<Channels, Error> {
         blocks: Box::new(batches),
         remark: None,
     })
+}
+
+/// Every column of every group of rows lies within the file: the crate takes that for granted.
+fn check(metadata: &ParquetMetaData, length: u64) -> Result<(), ParquetError> {
+    let columns = metadata
+        .row_groups()
+        .iter()
+        .flat_map(|group| group.columns());
+    for column in columns {
+        let from = column
+            .dictionary_page_offset()
+            .unwrap_or(column.data_page_offset());
+        let range = u64::try_from(from)
+            .ok()
+            .zip(u64::try_from(column.compressed_size()).ok());
+        let end = range.and_then(|(from, size)| from.checked_add(size));
+        if end.is_none_or(|end| end > length) {
+            let what = format!("column {} lies outside of the file", column.column_path());
+            return Err(ParquetError::General(what));
+        }
+    }
+    Ok(())
 }
 
 fn damaged(file: &Path) -> impl Fn(ParquetError) -> Error {

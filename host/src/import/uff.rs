@@ -186,7 +186,7 @@ fn channel(form: Form, numbers: Vec<f64>) -> Channel {
         };
         (clock, numbers[..form.count].to_vec())
     } else {
-        let pairs = || numbers.chunks_exact(2).take(form.count);
+        let pairs = || numbers.as_chunks::<2>().0.iter().take(form.count);
         let times: Vec<f64> = pairs().map(|pair| pair[0]).collect();
         (
             Clock::Times(times.into()),

@@ -52,7 +52,7 @@ pub fn runs(
     from_s: f64,
 ) -> Result<Vec<Run>, Error> {
     let stretches = stretches(file, columns, found, station)?;
-    let first = found.plateaus.first().map_or(0.0, |p| middle(p));
+    let first = found.plateaus.first().map_or(0.0, middle);
     let plateaus = found.plateaus.iter().zip(&stretches.plateaus).zip(number..);
     let runs = plateaus.map(|((plateau, seen), number)| {
         let axis = plateau.axes.first();

@@ -17,9 +17,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pyuff
+from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as Ros2Writer
-from nptdms import ChannelObject, TdmsWriter
+from nptdms import ChannelObject, TdmsFile, TdmsWriter
 from pymavlink import DFReader
 from pyulog import ULog
 from scipy.io import savemat, wavfile
@@ -124,7 +125,7 @@ def mcap(path, x, y):
 
 def mcap_json(path, t, x, y):
     with path.open("wb") as stream:
-        writer = McapWriter(stream)
+        writer = McapWriter(stream, compression=CompressionType.LZ4)
         writer.start()
         schema = writer.register_schema("acc", "jsonschema", b'{"type": "object"}')
         channel = writer.register_channel("/acc", "json", schema)
@@ -165,7 +166,8 @@ def main():
     table = pa.table({"t_s": t, "x_g": x.astype(np.float32), "y_g": y, "name": ["a"] * COUNT})
     pq.write_table(table, OUT / "record.parquet", row_group_size=100, compression="snappy")
     times = pa.array((1_700_000_000_000_000 + t_us.astype(np.int64)), type=pa.timestamp("us"))
-    table = pa.table({"time": times, "x_g": x, "y_counts": counts[:, 1]})
+    gappy = [None if n % 10 == 3 else value for n, value in enumerate(x.tolist())]
+    table = pa.table({"time": times, "x_g": x, "y_counts": counts[:, 1], "gappy_g": gappy})
     pq.write_table(table, OUT / "stamped.parquet", compression="zstd")
     held = {"t_s": t, "x_g": x, "acc": counts, "log": {"y_g": y.astype(np.float32), "note": "bench"}}
     savemat(OUT / "record.mat", held, do_compression=True)
@@ -182,6 +184,17 @@ def main():
                 ChannelObject("shaker", "x", x[part], told),
                 ChannelObject("shaker", "y", counts[part, 1], {**told, "unit_string": "counts"}),
             ])
+    scales = {
+        "NI_Scaling_Status": "unscaled", "NI_Number_Of_Scales": 2,
+        "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 1 / 512, "NI_Scale[0]_Linear_Y_Intercept": 1.0,
+        "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+        "NI_Scale[1]_Scale_Type": "Polynomial", "NI_Scale[1]_Polynomial_Coefficients_Size": 2,
+        "NI_Scale[1]_Polynomial_Coefficients[0]": -0.5, "NI_Scale[1]_Polynomial_Coefficients[1]": 0.5,
+        "NI_Scale[1]_Polynomial_Input_Source": 0,
+    }
+    with TdmsWriter(OUT / "scaled.tdms") as writer:
+        writer.write_segment([ChannelObject("a", "x", counts[:, 0], scales), ChannelObject("b", "x", counts[:, 0])])
+    assert (TdmsFile.read(OUT / "scaled.tdms")["a"]["x"][:] == x).all()
     ulog(OUT / "record.ulg", t_us, x, y)
     dataflash(OUT / "record.bin", t_us, x, y)
     mcap(OUT / "record.mcap", x, y)
