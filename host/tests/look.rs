@@ -83,7 +83,7 @@ fn shaken(scale: f64, amplitudes_g: &[f64]) -> String {
         let deviate: f64 = StandardNormal.sample(&mut rng);
         sigma * deviate
     };
-    let mut table = String::from("t_s,out,x_g,y_g,z_g\n");
+    let mut table = String::from("t_s,out_mv,x_g,y_g,z_g\n");
     let mut n = 0u32;
     let mut row = |amplitude: f64| {
         let t = f64::from(n) / 500.0;
@@ -95,7 +95,7 @@ fn shaken(scale: f64, amplitudes_g: &[f64]) -> String {
         let _ = writeln!(
             table,
             "{t},{},{},{},{}",
-            output + noise(1e-4),
+            1e3 * (output + noise(1e-4)),
             x + noise(1e-4),
             noise(1e-4),
             z + noise(1e-4)
@@ -124,7 +124,7 @@ fn runs(campaign: &Path) -> Vec<Run> {
     read_runs(&campaign.join("vibration.csv"), &config).unwrap()
 }
 
-const AXES: &str = "u=out,ref_i=x_g,ref_p=y_g,ref_o=z_g";
+const AXES: &str = "u=out_mv,ref_i=x_g,ref_p=y_g,ref_o=z_g";
 
 #[test]
 fn plateaus_become_runs_with_the_moments_that_the_reference_saw() {
@@ -211,14 +211,17 @@ fn a_campaign_that_takes_no_runs_is_left_as_it_is_and_says_why() {
         refused(&arguments)
     };
     for (axes, told) in [
-        ("u=out,ref_i=x_g", "--gravity I,P,O is needed"),
+        ("u=out_mv,ref_i=x_g", "--gravity I,P,O is needed"),
         (
-            "u=out,ref_i=out",
-            "column out: is no column of a unit of acceleration",
+            "u=out_mv,ref_i=out_mv",
+            "column out_mv: is no column of a unit of acceleration",
         ),
-        ("u=out,ref_i=w_g", "column w_g: is missing from the header"),
+        (
+            "u=out_mv,ref_i=w_g",
+            "column w_g: is missing from the header",
+        ),
         ("ref_i=x_g", "names no column of the output"),
-        ("u=out,u=out", "names u twice"),
+        ("u=out_mv,u=out_mv", "names u twice"),
         ("v=out", "is none of u=NAME"),
     ] {
         let line = into(axes);

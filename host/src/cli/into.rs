@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::campaign::{CampaignConfig, Run, is_triad, read_runs, table_file, write_runs};
 use crate::error::{Error, Place, clip};
-use crate::import;
+use crate::import::{self, Conversion};
 use crate::measure::{self, APART_S, Measurement, Request, Station, Unit};
 use crate::output::write_file;
 
@@ -144,13 +144,33 @@ impl Into {
     }
 }
 
+/// Volts of one unit of a column, by its unit or the end of its name; 1 of counts, and where nothing is told.
+fn volts(file: &Path, column: &str) -> Result<f64, Error> {
+    let told = import::layout(file, &[column])?.unit_text(column);
+    let unit = told
+        .as_deref()
+        .or(column.rsplit_once('_').map(|(_, end)| end));
+    let unit = match unit.unwrap_or_default() {
+        "mv" => "mV",
+        "uv" => "uV",
+        unit => unit,
+    };
+    Ok(Conversion::between(unit, "V").map_or(1.0, |conversion| conversion.of(1.0)))
+}
+
 impl Target {
     /// Scale factor of the instrument's type, V/g.
-    pub(super) fn scale_v_per_g(&self) -> f64 {
+    fn scale_v_per_g(&self) -> f64 {
         self.config.instrument.scale_factor_nominal_v_per_g
     }
 
-    /// Appends the plateaus as runs; tells how many. An output `in_volts` is written as it is.
+    /// The same in units of a column of volts, millivolts or counts.
+    pub(super) fn units_per_g(&self, file: &Path, column: &str) -> Result<f64, Error> {
+        Ok(self.scale_v_per_g() / volts(file, column)?)
+    }
+
+    /// Appends the plateaus as runs; tells how many. An output of `electrical` unit is written in its volts, one of a unit of
+    /// acceleration by the scale factor of the instrument's type.
     ///
     /// # Errors
     /// No plateau was looked for; a run that no campaign can have; the table cannot be written.
@@ -160,15 +180,17 @@ impl Target {
         into: &Into,
         request: &Request,
         found: &Measurement,
-        in_volts: bool,
+        electrical: bool,
     ) -> Result<String, Error> {
         let station = Station {
             reference: into.reference(file)?,
             gravity_g: into.gravity,
             direction: into.direction()?,
-            volts_per_g: match in_volts {
-                true => request.calibration.units_per_g,
-                false => self.scale_v_per_g(),
+            volts_per_g: match into.output() {
+                Some(column) if electrical => {
+                    request.calibration.units_per_g * volts(file, column)?
+                }
+                _ => self.scale_v_per_g(),
             },
             temperature_c: self.config.bench.reference_temp_c,
         };

@@ -42,9 +42,17 @@ fn text(found: &Overview) -> String {
 const COLUMNS: usize = 64;
 
 fn write_channel(text: &mut String, channel: &ChannelOverview) {
-    let unit = channel.unit.as_ref().map_or(String::new(), |unit| format!(" {unit}"));
+    let unit = channel
+        .unit
+        .as_ref()
+        .map_or(String::new(), |unit| format!(" {unit}"));
     let name = clip(&channel.name);
-    let _ = write!(text, "\n{name}{}  {} samples", bracketed(&unit), channel.samples);
+    let _ = write!(
+        text,
+        "\n{name}{}  {} samples",
+        bracketed(&unit),
+        channel.samples
+    );
     if channel.missing > 0 {
         let _ = write!(text, ", {} of them no number", channel.missing);
     }
@@ -69,9 +77,11 @@ fn write_channel(text: &mut String, channel: &ChannelOverview) {
         short(high)
     );
     let profile = narrowed(&channel.profile);
-    let (low, high) = profile.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| {
-        (low.min(value), high.max(value))
-    });
+    let (low, high) = profile
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| {
+            (low.min(value), high.max(value))
+        });
     if profile.len() < 2 {
         return;
     }
@@ -103,7 +113,9 @@ fn bracketed(unit: &str) -> String {
 fn narrowed(profile: &[f64]) -> Vec<f64> {
     let by = profile.len().div_ceil(COLUMNS).max(1);
     let groups = profile.chunks(by);
-    groups.map(|group| group.iter().sum::<f64>() / group.len() as f64).collect()
+    groups
+        .map(|group| group.iter().sum::<f64>() / group.len() as f64)
+        .collect()
 }
 
 /// Six significant digits.

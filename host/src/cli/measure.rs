@@ -37,7 +37,12 @@ pub struct Measure {
     /// record of frames
     file: PathBuf,
     /// Columns of the output, one an axis (for a table)
-    #[arg(long, value_name = "NAME", value_delimiter = ',', conflicts_with = "axes")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        value_delimiter = ',',
+        conflicts_with = "axes"
+    )]
     column: Vec<String>,
     /// Column that says to which file or group a row belongs; without it, --before and --during are windows of time
     #[arg(long, value_name = "NAME")]
@@ -204,9 +209,11 @@ impl Command for Measure {
             ));
         }
         // The campaign tells the scale factor of its instrument.
-        let units_per_g = match (self.units_per_g(&units), &campaign) {
-            (Err(_), Some(campaign)) if table => campaign.scale_v_per_g(),
-            (found, _) => found?,
+        let units_per_g = match (self.units_per_g(&units), &campaign, self.into.output()) {
+            (Err(_), Some(campaign), Some(output)) if table => {
+                campaign.units_per_g(&self.file, output)?
+            }
+            (found, ..) => found?,
         };
         let time = self.time.clone();
         let time = time.map(|name| Ok((name.clone(), self.per_second(&name)?)));
@@ -232,8 +239,11 @@ impl Command for Measure {
             console.print(format!("{}\n", page.display()))?;
         }
         if let Some(campaign) = campaign {
-            let in_volts = units.iter().all(|unit| unit.or(self.unit).and_then(Unit::units_per_g).is_none());
-            let told = campaign.append(&self.file, &self.into, &request, &measurement, in_volts)?;
+            let electrical = units
+                .iter()
+                .all(|unit| unit.or(self.unit).and_then(Unit::units_per_g).is_none());
+            let told =
+                campaign.append(&self.file, &self.into, &request, &measurement, electrical)?;
             console.print(told)?;
         }
         console.json(&measurement)
