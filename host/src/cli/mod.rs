@@ -6,7 +6,9 @@
 mod console;
 mod environment;
 mod head;
+mod into;
 mod operator;
+mod sparkline;
 mod triad;
 mod wrap;
 
@@ -62,6 +64,7 @@ commands! {
     help::Help,
     fleet::Fleet,
     identify::Identify,
+    look::Look,
     measure::Measure,
     paper::Paper,
     plan::Plan,
