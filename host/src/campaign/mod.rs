@@ -47,8 +47,8 @@ pub use table::MAX_ROWS;
 pub use triad::{TriadBench, TriadCampaign, TriadConfig, TriadInstrument};
 pub use triad_runs::{TriadMeasured, TriadRun, read as read_triad_runs};
 pub use vibration_table::{
-    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Drift, Extremes, Measured, ReferenceMoments, Run,
-    VibrationKind, read_runs, write_runs,
+    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Drift, Extremes, MAX_RUNS, Measured, ReferenceMoments,
+    Run, VibrationKind, read_runs, write_runs,
 };
 
 use crate::error::{Error, Place, Problem, decimal};
