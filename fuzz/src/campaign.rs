@@ -8,7 +8,7 @@ use host::bench::effects;
 use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Specification, VirtualBench};
-use host::campaign::Campaign;
+use host::campaign::{Campaign, write_runs};
 use host::contradictions;
 use host::diagnose::{Identified, diagnose, static_test};
 use host::error::Error;
@@ -44,9 +44,11 @@ pub fn simulated(
     });
     let specification = Specification::with_dial_sigma(1.0);
     let bench = VirtualBench::new(Seed(seed), statics, specification, Vec::from_iter(drawn));
-    let mut campaign = bench.simulate().campaign;
+    let simulation = bench.simulate();
+    let mut campaign = simulation.campaign;
     campaign.runs.truncate(RUNS);
-    campaign.write(folder)
+    campaign.write(folder)?;
+    write_runs(&folder.join("holdout.csv"), &simulation.holdout)
 }
 
 impl Campaigns {
@@ -141,6 +143,13 @@ impl Fuzz for Campaigns {
 
     fn file(&mut self, path: &Path) -> Judged {
         check(path, true).map(drop)
+    }
+
+    fn keep(&self, to: &Path) -> std::io::Result<()> {
+        fs::create_dir_all(to)?;
+        FILES
+            .iter()
+            .try_for_each(|name| fs::copy(self.folder.path().join(name), to.join(name)).map(drop))
     }
 }
 

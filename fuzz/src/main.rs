@@ -62,6 +62,9 @@ struct Arguments {
     /// Number of the first input
     #[arg(long, default_value_t = 0)]
     from: u64,
+    /// Write the inputs of findings into this folder
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
     /// Go on after a finding, and count them
     #[arg(long)]
     go_on: bool,
@@ -114,6 +117,10 @@ trait Fuzz {
     fn input(&mut self, draw: &mut Unstructured<'_>) -> Judged;
     /// Tries a file or folder of the corpus.
     fn file(&mut self, path: &Path) -> Judged;
+    /// Writes the last input as it would lie in the corpus, where bytes alone do not make it again for ever.
+    fn keep(&self, _to: &Path) -> std::io::Result<()> {
+        Ok(())
+    }
 }
 
 fn main() -> ExitCode {
@@ -168,6 +175,11 @@ fn run(arguments: &Arguments, name: &str, mut target: Box<dyn Fuzz>) -> ExitCode
         let bytes = bytes(arguments.seed, iteration);
         let judged = judged(|| target.input(&mut Unstructured::new(&bytes)));
         tried += 1;
+        if let (Err(_), Some(folder)) = (&judged, &arguments.keep)
+            && let Err(error) = target.keep(&folder.join(format!("{}-{iteration}", arguments.seed)))
+        {
+            eprintln!("warning: {error}");
+        }
         if tell(
             format!("--seed {} --from {iteration}", arguments.seed),
             judged,

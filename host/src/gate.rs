@@ -50,7 +50,8 @@ const PROMISES: [Promise; 4] = [
     Promise {
         of: |name| {
             let part = |part: &str| name.split('_').any(|word| word == part);
-            part("sigma") || part("rms") || name == "chi2"
+            // A distance in standard deviations has a sign.
+            (part("sigma") && name != "sigma_off") || part("rms") || name == "chi2"
         },
         least: 0.0,
         greatest: GREATEST,
