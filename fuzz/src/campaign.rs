@@ -142,7 +142,10 @@ impl Fuzz for Campaigns {
     }
 
     fn file(&mut self, path: &Path) -> Judged {
-        check(path, true).map(drop)
+        match check(path, true)? {
+            Some(campaign) => same::check_all(&campaign),
+            None => Ok(()),
+        }
     }
 
     fn keep(&self, to: &Path) -> std::io::Result<()> {
