@@ -137,7 +137,7 @@ fn main() -> ExitCode {
     let name = format!("{:?}", arguments.target).to_lowercase();
     let target: Result<Box<dyn Fuzz>, Error> = match arguments.target {
         Target::Campaign => campaign::Campaigns::new().map(|target| Box::new(target) as _),
-        Target::Tables => Ok(Box::new(tables::Tables::default())),
+        Target::Tables => Ok(Box::new(tables::Tables)),
         Target::Frames => Ok(Box::new(frames::Frames)),
         Target::Wire => Ok(Box::new(wire::Wire)),
         Target::Sealed => sealed::Sealed::new().map(|target| Box::new(target) as _),

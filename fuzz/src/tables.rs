@@ -13,7 +13,6 @@ use crate::draw::{below, number, one_in, one_of, spoil, unit};
 use crate::{Fuzz, Judged, proper};
 
 /// The target.
-#[derive(Default)]
 pub struct Tables;
 
 /// A record at rest, shaken and at rest again, before it becomes text.

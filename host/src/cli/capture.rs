@@ -14,7 +14,7 @@ use crate::bench::excitation::FRONT_END;
 use crate::bench::noise::Seed;
 use crate::bench::plan::{Dwell, Static};
 use crate::bench::simulate::{Specification, VirtualBench};
-use crate::campaign::{ranges, CampaignConfig};
+use crate::campaign::{CampaignConfig, ranges};
 use crate::capture::{self, Captured, Folder, Ledger};
 use crate::error::Error;
 use crate::interrupt::Interrupt;

@@ -13,7 +13,7 @@ use shared::wire::configuration::{Certified, Configuration, Date, Provenance};
 use shared::wire::message::StoreFault;
 
 use super::{Command, Console, within};
-use crate::campaign::{ranges, Campaign};
+use crate::campaign::{Campaign, ranges};
 use crate::configuration::{configuration, provenance};
 use crate::diagnose::{Diagnosis, Verdict, static_test};
 use crate::error::Error;

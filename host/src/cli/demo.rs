@@ -7,10 +7,10 @@ use shared::model::NOMINAL;
 
 use super::triad::{self, Made};
 use super::{Command, Console, refuse_campaign, within};
-use crate::campaign::ranges;
 use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
+use crate::campaign::ranges;
 use crate::capture::{self, Captured};
 use crate::error::Error;
 use crate::output::write_json;

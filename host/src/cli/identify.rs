@@ -8,7 +8,7 @@ use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
 use super::{Command, Console, RowName, head, read_campaign, triad, within};
-use crate::campaign::{ranges, is_triad};
+use crate::campaign::{is_triad, ranges};
 use crate::diagnose::{Identified, StaticTest, static_test};
 use crate::error::Error;
 use crate::gate;

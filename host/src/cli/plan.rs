@@ -12,7 +12,7 @@ use shared::vibration::{Harmonic, Random};
 
 use super::identify::{condition, sum};
 use super::{Command, Console, read_campaign, triad, within};
-use crate::campaign::{ranges, is_triad, read_plan};
+use crate::campaign::{is_triad, ranges, read_plan};
 use crate::error::Error;
 use crate::head::TYPE;
 use crate::head::batch::DEFAULT_SPREAD;

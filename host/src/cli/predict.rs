@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::environment::EnvironmentOptions;
 use super::{Command, Console, RowName, head, read_campaign, triad, within};
-use crate::campaign::{ranges, Run, is_triad, read_runs};
+use crate::campaign::{Run, is_triad, ranges, read_runs};
 use crate::contradictions;
 use crate::diagnose::{Diagnosis, static_test};
 use crate::error::Error;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::measure::TimeUnit;
 use super::{Command, Console, within};
-use crate::campaign::{ranges, TriadConfig, write_positions};
+use crate::campaign::{TriadConfig, ranges, write_positions};
 use crate::error::Error;
 use crate::import::Columns;
 use crate::triad::{rests, text};
