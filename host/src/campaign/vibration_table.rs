@@ -195,7 +195,7 @@ const CONDITIONS: [&str; 14] = [
 /// Greatest departure of a direction's length from 1.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
-/// Most runs of a campaign. Measured: a diagnosis takes some 20 kB and 1 ms a run.
+/// Most runs of a campaign. Measured: a diagnosis takes some 24 kB and 2 ms a run.
 pub const MAX_RUNS: usize = 20_000;
 
 /// Reads and checks a table of runs: `vibration.csv` of a campaign, or runs to be predicted.
