@@ -45,6 +45,16 @@ pub enum Error {
     /// A picture of the report could not be drawn.
     #[error("a picture cannot be drawn: {0}")]
     Picture(String),
+    /// A number of a result is none, or one that cannot be: a fault of this program.
+    #[error(
+        "the result's {field} came to {value:e}, which cannot be; nothing was written. Please report it, with the input"
+    )]
+    Absurd {
+        /// Path of the field, as `which[0].probability`.
+        field: String,
+        /// The number.
+        value: f64,
+    },
     /// The person or the system ended the command before its end; the sentence says what there is.
     #[error("{0}")]
     Stopped(String),
@@ -86,6 +96,7 @@ impl Error {
             | Self::Picture(_)
             | Self::Link { .. }
             | Self::Disagreement(_)
+            | Self::Absurd { .. }
             | Self::Stopped(_) => 1,
         }
     }

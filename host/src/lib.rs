@@ -15,6 +15,7 @@ pub mod error;
 pub mod follow;
 pub mod forward;
 pub mod front_end;
+pub mod gate;
 pub mod handbook;
 pub mod head;
 pub mod import;

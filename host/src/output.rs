@@ -8,6 +8,7 @@ use atomic_write_file::AtomicWriteFile;
 use serde::Serialize;
 
 use crate::error::Error;
+use crate::gate;
 
 /// Writes `content` to `file` in one step, so that whoever looks sees the old file or the new one. What is
 /// there and is no regular file (a pipe, a terminal) is written to as it is.
@@ -49,8 +50,9 @@ pub(crate) fn write_csv(
 /// Writes `result` as JSON to `file`, in one step.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The file cannot be written; a number that cannot be ([`gate`]).
 pub fn write_json(file: &Path, result: &impl Serialize) -> Result<(), Error> {
+    gate::check(result)?;
     write_file(file, json_text(file, result)?.as_bytes())
 }
 

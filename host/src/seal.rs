@@ -20,7 +20,8 @@ use crate::error::Error;
 use crate::input::read_at_most;
 use crate::output::write_file;
 
-const SEALED: &str = "label.sealed";
+/// File of the sealed label in a campaign folder.
+pub const SEALED: &str = "label.sealed";
 const KEY: &str = "label.key";
 const FORMAT: &str = "vre-sealed/1";
 const OPENED: &str = "truth.json";

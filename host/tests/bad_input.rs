@@ -160,3 +160,83 @@ fn a_plan_too_small_for_the_model_is_refused() {
         "{output:?}"
     );
 }
+
+/// Numbers that no option can be; each `@` of a line takes them.
+const ABSURD: [&str; 6] = ["5e-324", "1e160", "1e300", "-1e300", "NaN", "inf"];
+
+const OPTIONS: [&str; 20] = [
+    "identify C --prior-sigma @",
+    "predict C --prior-sigma @",
+    "predict C --vibration sine:@",
+    "predict C --vibration random:@",
+    "predict C --vibration random:1 --a0 @",
+    "predict C --vibration random:1 --direction @,0,0",
+    "predict C --vibration random:1 --limit @",
+    "predict C --vibration random:1 --risk @",
+    "plan paper --vibration random:@",
+    "plan paper --dial-sigma @",
+    "plan paper --mount-sigma @",
+    "plan paper --noise @",
+    "plan paper --a0 @",
+    "plan paper --batch 10 --type-spread @",
+    "simulate --out O --dial-sigma @",
+    "simulate --out O --effect drift --strength @",
+    "simulate --out O --effect drift --visibility @",
+    "measure C/static.csv --column u_v --time time_s --scale @",
+    "measure C/static.csv --column u_v --time time_s --scale 1.2 --full-scale @",
+    "measure C/static.csv --column u_v --time time_s --scale 1.2 --temperature-sensitivity @",
+];
+
+#[test]
+fn no_option_takes_a_number_that_cannot_be() {
+    let folder = TempDir::new().unwrap();
+    common::campaign().write(&folder.path().join("C")).unwrap();
+    for line in OPTIONS {
+        for number in ABSURD {
+            let line = line.replace('@', number);
+            let output = Command::new(env!("CARGO_BIN_EXE_vre"))
+                .args(line.split(' '))
+                .current_dir(folder.path())
+                .output()
+                .unwrap();
+            let told = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{line}: {told}");
+            assert_eq!(told.lines().count(), 1, "{line}: {told}");
+        }
+    }
+}
+
+#[test]
+fn a_diagnosis_with_a_number_that_cannot_be_is_refused() {
+    let folder = TempDir::new().unwrap();
+    common::campaign().write(folder.path()).unwrap();
+    let file = folder.path().join("diagnosis.json");
+    let diagnose = Command::new(env!("CARGO_BIN_EXE_vre"))
+        .args(["diagnose", "--quiet", "--json"])
+        .args([&file, &folder.path().to_path_buf()])
+        .output()
+        .unwrap();
+    assert!(diagnose.status.success(), "{diagnose:?}");
+    let sound: serde_json::Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    let mut likely = sound.clone();
+    likely["gap"]["p_value"] = 2.0.into();
+    let mut fitted = sound;
+    fitted["which"][0]["effects"] = serde_json::json!(["fixture-resonance"]);
+    fitted["which"][0]["fitted"] = serde_json::json!([[1e9, 10.0]]);
+    for (changed, named) in [
+        (likely, "gap.p_value is 2e0"),
+        (fitted, "1e9 is no parameter"),
+    ] {
+        fs::write(&file, changed.to_string()).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_vre"))
+            .arg("predict")
+            .arg(folder.path())
+            .arg("--diagnosis")
+            .arg(&file)
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(told.contains(named), "{told}");
+    }
+}

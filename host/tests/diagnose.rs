@@ -9,7 +9,7 @@ use host::bench::simulate::{Simulation, Specification, VirtualBench};
 use host::campaign::{Campaign, Run, Series, VibrationKind};
 use host::campaign_model::CampaignModel;
 use host::campaign_model::assumptions::Assumptions;
-use host::diagnose::{Diagnosis, Verdict, diagnose};
+use host::diagnose::{Diagnosis, Verdict, diagnose, static_test};
 use host::effects::identity::Stage;
 use host::effects::{self as catalogue, Action};
 use host::forward::contribution::Observable;
@@ -437,4 +437,24 @@ fn blind_check_gives_the_same_figures_whatever_the_number_of_threads() {
         serde_json::to_string(&board).unwrap()
     };
     assert_eq!(board(1), board(3));
+}
+
+#[test]
+fn the_order_of_rows_tells_nothing_of_the_noise() {
+    let specification = Specification::with_dial_sigma(1.0);
+    let bench = VirtualBench::new(Seed(3), Static::Paper, specification, Vec::new());
+    let mut campaign = bench.simulate().campaign;
+    campaign.runs.clear();
+    campaign.readings.truncate(32);
+    let factor = |campaign: &Campaign| static_test(campaign).noise[0].factor.value;
+    let in_order = factor(&campaign);
+    for by in [5, 11, 16, 27] {
+        campaign.readings.rotate_left(by);
+        campaign.readings.swap(3, 20);
+        let shuffled = factor(&campaign);
+        assert!(
+            (shuffled / in_order - 1.0).abs() < 1e-6,
+            "{shuffled} for {in_order}"
+        );
+    }
 }

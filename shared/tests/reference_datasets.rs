@@ -144,3 +144,128 @@ fn wamplers_polynomials_come_back_through_noise_a_million_times_larger() {
         }
     }
 }
+
+/// Rows of powers of x from `from` on, and y, of a file with y and x.
+fn powers<const N: usize, const W: usize>(table: &str, from: i32) -> Vec<[f64; W]> {
+    assert_eq!(W, N + 1);
+    let lines = table.lines().filter(|line| !line.starts_with(['#', 'y']));
+    let row = |line: &str| {
+        let (y, x) = line.split_once(',').unwrap();
+        let x: f64 = x.parse().unwrap();
+        let mut row = [0.0; W];
+        (from..)
+            .zip(&mut row[..N])
+            .for_each(|(k, cell)| *cell = x.powi(k));
+        row[N] = y.parse().unwrap();
+        row
+    };
+    lines.map(row).collect()
+}
+
+/// Correct digits of the coefficients, of their standard deviations and of the residual one are at least these.
+fn certified<const N: usize>(
+    found: &Fit<N>,
+    coefficients: [f64; N],
+    sigma: [f64; N],
+    residual_sigma: f64,
+    least: [f64; 3],
+) {
+    let correct = [
+        digits(&found.coefficients, &coefficients),
+        digits(&found.sigma, &sigma),
+        digits(&[found.residual_sigma], &[residual_sigma]),
+    ];
+    println!("{correct:.1?} digits");
+    assert!(
+        correct.iter().zip(least).all(|(c, l)| *c >= l),
+        "{correct:?} digits, {least:?} expected"
+    );
+}
+
+#[test]
+fn a_straight_line_and_a_parabola_of_calibrations_are_certified() {
+    let norris = powers::<2, 3>(include_str!("nist/norris.csv"), 0);
+    assert_eq!(norris.len(), 36);
+    certified(
+        &fit(&norris),
+        [-0.262323073774029, 1.00211681802045],
+        [0.232818234301152, 0.429796848199937e-3],
+        0.884796396144373,
+        [11.5, 13.0, 13.0],
+    );
+    // Loads of millions, squared: a condition number of 1e13 where columns are not scaled.
+    let pontius = powers::<3, 4>(include_str!("nist/pontius.csv"), 0);
+    assert_eq!(pontius.len(), 40);
+    certified(
+        &fit(&pontius),
+        [
+            0.673565789473684e-3,
+            0.732059160401003e-6,
+            -0.316081871345029e-14,
+        ],
+        [
+            0.107938612033077e-3,
+            0.157817399981659e-9,
+            0.486652849992036e-16,
+        ],
+        0.205177424076185e-3,
+        [11.0, 12.0, 12.0],
+    );
+}
+
+#[test]
+fn lines_through_the_origin_are_certified() {
+    let noint1: [[f64; 2]; 11] = std::array::from_fn(|n| [60.0 + n as f64, 130.0 + n as f64]);
+    certified(
+        &fit(&noint1),
+        [2.07438016528926],
+        [0.165289256198347e-1],
+        3.56753034006338,
+        [14.0, 13.0, 13.0],
+    );
+    certified(
+        &fit(&[[4.0, 3.0], [5.0, 4.0], [6.0, 4.0]].map(|[x, y]| [x, y])),
+        [0.727272727272727],
+        [0.420827318078432e-1],
+        0.369274472937998,
+        [14.0, 13.0, 13.0],
+    );
+}
+
+/// The condition number is 1.8e15: a Householder factorisation of the same columns has 7.6 digits at the best.
+#[test]
+fn a_polynomial_of_the_tenth_degree_is_certified_to_seven_digits() {
+    let filip = powers::<11, 12>(include_str!("nist/filip.csv"), 0);
+    assert_eq!(filip.len(), 82);
+    certified(
+        &fit(&filip),
+        [
+            -1467.48961422980,
+            -2772.17959193342,
+            -2316.37108160893,
+            -1127.97394098372,
+            -354.478233703349,
+            -75.1242017393757,
+            -10.8753180355343,
+            -1.06221498588947,
+            -0.670191154593408e-1,
+            -0.246781078275479e-2,
+            -0.402962525080404e-4,
+        ],
+        [
+            298.084530995537,
+            559.779865474950,
+            466.477572127796,
+            227.204274477751,
+            71.6478660875927,
+            15.2897178747400,
+            2.23691159816033,
+            0.221624321934227,
+            0.142363763154724e-1,
+            0.535617408889821e-3,
+            0.896632837373868e-5,
+        ],
+        0.334801051324544e-2,
+        [7.0, 7.0, 7.0],
+    );
+}

@@ -5,9 +5,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use arrow::array::{Array, ArrayRef};
 use arrow::datatypes::DataType;
 use arrow::error::ArrowError;
-use host::campaign::{Campaign, Run, VibrationKind};
+use host::campaign::{Campaign, Run, VibrationKind, ranges};
 use host::diagnose::{Identified, diagnose, static_test};
 use host::error::Error;
+use host::gate;
 use host::prediction::predict;
 use host::statics::{Method, identify};
 use rayon::prelude::*;
@@ -47,6 +48,7 @@ pub fn diagnosed(campaign: &Campaign) -> Answer {
 }
 
 fn value(answer: &impl Serialize) -> Answer {
+    gate::check(answer)?;
     serde_json::to_value(answer).map_err(|error| Error::Usage(error.to_string()))
 }
 
@@ -60,16 +62,15 @@ pub fn vibration(text: &str) -> Result<Run, String> {
         .ok_or_else(|| format!("\"{text}\" is not KIND:LEVEL, such as random:1"))?;
     let kind = VibrationKind::of_word(kind)
         .ok_or_else(|| format!("\"{text}\": the kind is neither sine nor random"))?;
-    let level_g = level
-        .parse()
-        .ok()
-        .filter(|level: &f64| level.is_finite() && *level > 0.0);
+    let level_g = ranges::LEVEL
+        .parse(level)
+        .map_err(|problem| format!("\"{text}\": the level {problem}"))?;
     Ok(Run {
         run: 0,
         time_s: 0.0,
         kind,
         direction: [1.0, 0.0, 0.0],
-        level_g: level_g.ok_or_else(|| format!("\"{text}\": the level is not greater than 0"))?,
+        level_g,
         band_hz: match kind {
             VibrationKind::Sine => [100.0; 2],
             VibrationKind::Random => [20.0, 2000.0],

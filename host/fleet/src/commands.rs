@@ -11,6 +11,7 @@ use clap::error::ErrorKind;
 use columns::rows::fixture_of;
 use host::bench::noise::Seed;
 use host::bench::plant::Plant;
+use host::campaign::ranges;
 use host::error::{Error, printable};
 use host::output::{write_file, write_json};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -100,7 +101,7 @@ enum Command {
         #[arg(long, default_value_t = 1)]
         seed: u64,
         /// Standard uncertainty of a mark and of the level, arcsec
-        #[arg(long, value_name = "ARCSEC", default_value_t = 5.8)]
+        #[arg(long, value_name = "ARCSEC", default_value_t = 5.8, value_parser = |text: &str| ranges::ARCSEC_SIGMA.parse(text))]
         dial_sigma: f64,
         /// Mount all instruments alike; else every other one is turned by 180 deg
         #[arg(long)]

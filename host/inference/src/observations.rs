@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::dense::inner_product;
 
@@ -11,8 +12,9 @@ pub struct Column {
     rows: usize,
     /// First row of the span.
     start: usize,
-    /// One number a row, of the observables from the first to the last that may differ from zero.
-    values: Vec<f64>,
+    /// One number a row, of the observables from the first to the last that may differ from zero. Columns that are copied
+    /// share them: every fit holds the base's.
+    values: Arc<Vec<f64>>,
 }
 
 impl Column {
@@ -21,7 +23,7 @@ impl Column {
         Self {
             rows,
             start: 0,
-            values: Vec::new(),
+            values: Arc::default(),
         }
     }
 
@@ -52,13 +54,13 @@ impl Column {
     /// The numbers of all rows.
     pub fn to_vec(&self) -> Vec<f64> {
         let mut all = vec![0.0; self.rows];
-        all[self.span()].copy_from_slice(&self.values);
+        all[self.span()].copy_from_slice(self.values());
         all
     }
 
     /// Adds a multiple of it to a number a row.
     pub fn add_to(&self, sum: &mut [f64], factor: f64) {
-        for (sum, value) in sum[self.span()].iter_mut().zip(&self.values) {
+        for (sum, value) in sum[self.span()].iter_mut().zip(self.values()) {
             *sum += factor * value;
         }
     }
@@ -69,7 +71,8 @@ impl Column {
         if value != 0.0 {
             let at = rows.start + row;
             self.widen(rows);
-            self.values[at - self.start] += value;
+            let at = at - self.start;
+            self.values_mut()[at] += value;
         }
     }
 
@@ -77,7 +80,7 @@ impl Column {
     pub fn add(&mut self, other: &Self) {
         self.widen(other.span());
         let from = other.start.saturating_sub(self.start);
-        for (sum, value) in self.values[from..].iter_mut().zip(&other.values) {
+        for (sum, value) in self.values_mut()[from..].iter_mut().zip(other.values()) {
             *sum += value;
         }
     }
@@ -104,6 +107,15 @@ impl Column {
         }
     }
 
+    fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The numbers as this column's own.
+    fn values_mut(&mut self) -> &mut Vec<f64> {
+        Arc::make_mut(&mut self.values)
+    }
+
     fn touches(&self, rows: &Range<usize>) -> bool {
         let span = self.span();
         span.start < rows.end && rows.start < span.end
@@ -121,16 +133,18 @@ impl Column {
         }
         if span.is_empty() {
             self.start = rows.start;
-            self.values.resize(rows.len(), 0.0);
+            self.values_mut().resize(rows.len(), 0.0);
             return;
         }
         if rows.start < span.start {
             let before = span.start - rows.start;
-            self.values.splice(0..0, std::iter::repeat_n(0.0, before));
+            self.values_mut()
+                .splice(0..0, std::iter::repeat_n(0.0, before));
             self.start = rows.start;
         }
         let end = span.end.max(rows.end);
-        self.values.resize(end - self.start, 0.0);
+        let length = end - self.start;
+        self.values_mut().resize(length, 0.0);
     }
 }
 
@@ -178,7 +192,7 @@ impl SharedError {
         }
         column.widen(self.rows.clone());
         let from = self.rows.start - column.start;
-        let values = &mut column.values[from..from + self.rows.len()];
+        let values = &mut column.values_mut()[from..from + self.rows.len()];
         let along = self.factor * inner_product(&self.direction, values);
         for (value, direction) in values.iter_mut().zip(&self.direction) {
             *value -= along * direction;
@@ -212,7 +226,7 @@ impl Observations {
         observations.observed = observations.whiten(Column {
             rows,
             start: 0,
-            values: observed,
+            values: Arc::new(observed),
         });
         observations
     }
@@ -315,10 +329,10 @@ impl Observations {
         Column {
             rows: values.len(),
             start: span.start,
-            values: match span.len() == values.len() {
+            values: Arc::new(match span.len() == values.len() {
                 true => values,
                 false => values[span].to_vec(),
-            },
+            }),
         }
     }
 
@@ -328,22 +342,18 @@ impl Observations {
         let span = column.span();
         if span.start < first && !span.is_empty() {
             column.widen(0..first);
-            let (head, _) = column.values.split_at_mut(first);
-            let mut row = &self.correlated[..];
-            for i in 0..first {
-                let (coefficients, rest) = row.split_at(i + 1);
-                let known: f64 = coefficients[..i]
-                    .iter()
-                    .zip(&*head)
-                    .map(|(l, x)| l * x)
-                    .sum();
-                head[i] = (head[i] - known) / coefficients[i];
-                row = rest;
+            let (head, _) = column.values_mut().split_at_mut(first);
+            // Zeros at the beginning stay, and tell later rows nothing.
+            let from = head.iter().position(|&x| x != 0.0).unwrap_or(first);
+            for i in from..first {
+                let row = &self.correlated[i * (i + 1) / 2..];
+                let known = inner_product(&row[from..i], &head[from..i]);
+                head[i] = (head[i] - known) / row[i];
             }
         }
         let from = first.saturating_sub(column.start).min(column.values.len());
         let weights = &self.weights[column.start + from..];
-        for (value, weight) in column.values[from..].iter_mut().zip(weights) {
+        for (value, weight) in column.values_mut()[from..].iter_mut().zip(weights) {
             *value *= weight;
         }
         for shared in &self.shared {
@@ -373,7 +383,7 @@ impl Observations {
         if column.touches(&uncertain) {
             column.widen(uncertain.clone());
             let from = uncertain.start - column.start;
-            for (value, factor) in column.values[from..].iter_mut().zip(factor) {
+            for (value, factor) in column.values_mut()[from..].iter_mut().zip(factor) {
                 *value *= factor;
             }
         }

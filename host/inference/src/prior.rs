@@ -79,6 +79,15 @@ impl Prior {
         }
     }
 
+    /// Whether a fit can end at a value: within the range, but for rounding; any in proportion.
+    pub fn allows(self, value: f64) -> bool {
+        let Some((from, to)) = self.range() else {
+            return value.is_finite();
+        };
+        let slack = 1e-9 * (to - from);
+        (from - slack..=to + slack).contains(&self.inner(value))
+    }
+
     /// So many values, the middles of equal parts of the range; none in proportion.
     pub fn settings(self, points: usize) -> Vec<f64> {
         let Some((from, to)) = self.range() else {

@@ -58,6 +58,9 @@ pub struct SearchPolicy {
     pub modes: usize,
     /// Part of the best mode's gain from which on another mode is fitted too: the grid may have missed its peak.
     pub mode_worth: f64,
+    /// Rows, over all starts, up to which what a start predicts is kept from one look to the next: memory against time. A row
+    /// of a start takes some 40 bytes.
+    pub kept_rows: usize,
 }
 
 impl Default for SearchPolicy {
@@ -84,6 +87,7 @@ impl Default for SearchPolicy {
             alike: 0.1,
             modes: 3,
             mode_worth: 0.5,
+            kept_rows: 1_500_000,
         }
     }
 }
@@ -207,10 +211,19 @@ fn carry_best(model: &mut dyn SeparableModel, policy: &SearchPolicy, fits: &mut 
     model.linearise_about(&fits[0].base_values);
 }
 
-/// A component at one of its starts with what it does there, made once.
+/// A component at one of its starts with what it does there, if that is kept.
 struct Start {
     member: Member,
-    prediction: Prediction,
+    prediction: Option<Prediction>,
+}
+
+impl Start {
+    fn predict(model: &dyn SeparableModel, member: &Member) -> Prediction {
+        match model.components()[member.component].kind {
+            Kind::AddsVariance => Prediction::default(),
+            _ => model.predict(std::slice::from_ref(member), Fidelity::Screening),
+        }
+    }
 }
 
 /// Every start of every component.
@@ -234,15 +247,14 @@ impl Starts {
             let member = move |values| Member { component, values };
             grid.into_iter().map(member)
         });
-        let start = |member: Member| Start {
-            prediction: match model.components()[member.component].kind {
-                Kind::AddsVariance => Prediction::default(),
-                _ => model.predict(std::slice::from_ref(&member), Fidelity::Screening),
-            },
+        let kept = policy.kept_rows / model.observations().len().max(1);
+        let start = |(number, member): (usize, Member)| Start {
+            prediction: (number < kept).then(|| Start::predict(model, &member)),
             member,
         };
         let members: Vec<Member> = members.collect();
-        Self(members.into_par_iter().map(start).collect())
+        let starts = members.into_par_iter().enumerate();
+        Self(starts.map(start).collect())
     }
 }
 
@@ -411,7 +423,14 @@ impl Seek<'_> {
     ) -> f64 {
         let number = start.member.component;
         let component = &self.model.components()[number];
-        let prediction = &start.prediction;
+        let anew;
+        let prediction = match &start.prediction {
+            Some(kept) => kept,
+            None => {
+                anew = Start::predict(self.model, &start.member);
+                &anew
+            }
+        };
         match component.kind {
             Kind::Adds if component.linear() > 0 => {
                 let columns: Vec<&Column> = prediction.linear().map(|(column, _)| column).collect();

@@ -47,8 +47,8 @@ pub use table::MAX_ROWS;
 pub use triad::{TriadBench, TriadCampaign, TriadConfig, TriadInstrument};
 pub use triad_runs::{TriadMeasured, TriadRun, read as read_triad_runs};
 pub use vibration_table::{
-    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Drift, Extremes, Measured, ReferenceMoments, Run,
-    VibrationKind, read_runs, write_runs,
+    BEFORE_TO_AFTER_S, BEFORE_TO_DURING_S, Drift, Extremes, MAX_RUNS, Measured, ReferenceMoments,
+    Run, VibrationKind, read_runs, write_runs,
 };
 
 use crate::error::{Error, Place, Problem, decimal};
@@ -113,11 +113,11 @@ impl Campaign {
         (readings.count(), runs.count())
     }
 
-    /// The time from which all times are counted: that of the first reading, or of the first run without one, s.
+    /// The time from which all times are counted: that of the earliest reading, or of the first run without one, s.
     pub fn start_s(&self) -> f64 {
-        let reading_s = self.readings.first().map(|reading| reading.time_s);
+        let readings_s = self.readings.iter().map(|reading| reading.time_s);
         let run_s = || self.runs.first().map(|run| run.time_s);
-        reading_s.or_else(run_s).unwrap_or(0.0)
+        readings_s.reduce(f64::min).or_else(run_s).unwrap_or(0.0)
     }
 
     /// Checks a campaign that came by another way than its folder: what its tables would not let pass and no fit can bear.

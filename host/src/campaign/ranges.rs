@@ -1,4 +1,4 @@
-//! Ranges at the door: what a quantity of a campaign's files can be.
+//! Ranges at the door: what a quantity of a campaign's files, or an option of the command, can be.
 //!
 //! They are chosen, physical and generous: no bench of any laboratory comes near an end, and no number within makes an
 //! intermediate result overflow or vanish (squares and products of any three stay far inside a double). What is outside
@@ -127,6 +127,17 @@ impl Range {
         }
         Ok(value)
     }
+
+    /// The number that `text` is, if it lies within.
+    ///
+    /// # Errors
+    /// No number, or one outside.
+    pub fn parse(&'static self, text: &str) -> Result<f64, Problem> {
+        match text.trim().parse() {
+            Ok(value) => self.check(value),
+            Err(_) => Err(Problem::NotANumber(text.into())),
+        }
+    }
 }
 
 impl fmt::Display for Range {
@@ -156,7 +167,8 @@ impl fmt::Display for Range {
 
 macro_rules! ranges {
     ($($name:ident = $make:ident($($argument:expr),*);)*) => {
-        $(pub(super) static $name: Range = Range::$make($($argument),*);)*
+        $(/// A row of [`ALL`].
+        pub static $name: Range = Range::$make($($argument),*);)*
 
         /// All ranges, for documents.
         pub static ALL: &[&Range] = &[$(&$name),*];
@@ -194,6 +206,19 @@ ranges! {
     DENSITY = positive("spectral density", "g^2/Hz", 1e-15, 1e6);
     MISSION_LEVEL = zero_or("level of a mission", "g", 1e-6, 1e4);
     VRE_LIMIT = positive("limit of the vibration error", "g", 1e-12, 1e3);
+    // Options of the command.
+    DIRECTION = between("component of a direction of any length", "", -1e6, 1e6);
+    RISK = positive("risk of a judgement", "", 1e-9, 0.5);
+    PRIOR_SIGMA = positive("what a coefficient can be beforehand", "", 1e-12, 1e3);
+    READING_NOISE = positive("noise of a reading", "g", 1e-15, 1.0);
+    ENOUGH = positive("share of an error that is enough", "", 1e-6, 1e3);
+    RECORD_SCALE = either_sign("scale of a record", "1/g", 1e-12, 1e12);
+    REFERENCE_SCALE = positive("scale of the reference at the converter", "V/g", 1e-9, 1e3);
+    BIAS_SENSITIVITY = between("sensitivity of the bias", "g/C", -1e3, 1e3);
+    PARTS_PER_MILLION = zero_or("change or nonlinearity", "ppm", 1e-6, 1e6);
+    BIAS_CHANGE = zero_or("change of the bias", "microg", 1e-6, 1e9);
+    STRENGTH = positive("strength of an effect", "", 1e-6, 1e3);
+    VISIBILITY = positive("visibility of an effect", "", 1e-3, 1e6);
 }
 
 #[cfg(test)]

@@ -133,7 +133,7 @@ impl CampaignModel {
             components: effects.iter().map(|e| e.component(seen)).collect(),
             effects: effects.to_vec(),
             seen_beside_instrument: usize::MAX,
-            kept: Kept::default(),
+            kept: Kept::of_runs(runs.len()),
             base,
             conditions,
             witnesses,
@@ -164,7 +164,7 @@ impl CampaignModel {
                 vec![1.0; unknowns],
                 vec![0.0; unknowns],
             ),
-            kept: Kept::default(),
+            kept: Kept::of_runs(self.conditions.runs.len()),
             observations,
             ..self
         }

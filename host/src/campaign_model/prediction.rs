@@ -28,8 +28,10 @@ pub(super) struct ChangedMotion {
 type Key = Vec<(usize, Vec<f64>)>;
 
 /// What was made last: a fit moves few parameters at a time.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Kept {
+    /// How many at the most.
+    most: usize,
     /// By the effects that change the motion.
     motions: Mutex<VecDeque<(Key, Arc<ChangedMotion>)>>,
     /// By the effect with its parameters that are not in proportion, and those that change the motion.
@@ -37,7 +39,17 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    const MOST: usize = 32;
+    /// As many as a fit comes back to, fewer of many runs: memory grows with each run.
+    pub(super) fn of_runs(runs: usize) -> Self {
+        const MOST: usize = 32;
+        const LEAST: usize = 4;
+        const KEPT_RUNS: usize = 40_000;
+        Self {
+            most: (KEPT_RUNS / runs.max(1)).clamp(LEAST, MOST),
+            motions: Mutex::default(),
+            columns: Mutex::default(),
+        }
+    }
 
     /// Forgets all: they depend on something that has changed.
     pub(super) fn clear(&self) {
@@ -45,7 +57,12 @@ impl Kept {
         lock(&self.columns).clear();
     }
 
-    fn get<T>(kept: &Mutex<VecDeque<(Key, Arc<T>)>>, key: Key, make: impl FnOnce() -> T) -> Arc<T> {
+    fn get<T>(
+        &self,
+        kept: &Mutex<VecDeque<(Key, Arc<T>)>>,
+        key: Key,
+        make: impl FnOnce() -> T,
+    ) -> Arc<T> {
         let known = {
             let mut kept = lock(kept);
             let known = kept.iter().position(|known| known.0 == key);
@@ -55,7 +72,7 @@ impl Kept {
         let latest = known.unwrap_or_else(|| (key, Arc::new(make())));
         let value = Arc::clone(&latest.1);
         let mut kept = lock(kept);
-        kept.truncate(Self::MOST - 1);
+        kept.truncate(self.most - 1);
         kept.push_front(latest);
         value
     }
@@ -86,7 +103,7 @@ impl CampaignModel {
             let nonlinear = member.values[self.effect(member).linear()..].to_vec();
             let key = [&[(member.component, nonlinear)], &by[..]].concat();
             let make = || self.columns(member, felt, Fidelity::Full);
-            Kept::get(&self.kept.columns, key, make)
+            self.kept.get(&self.kept.columns, key, make)
         };
         self.assemble(members, changed, columns)
     }
@@ -168,7 +185,10 @@ impl CampaignModel {
     /// What members make of the motion; `None` if it is as commanded.
     pub(super) fn transformed(&self, members: &[Member]) -> Option<Arc<ChangedMotion>> {
         let by = self.transforming_key(members);
-        (!by.is_empty()).then(|| Kept::get(&self.kept.motions, by, || self.change_motion(members)))
+        (!by.is_empty()).then(|| {
+            self.kept
+                .get(&self.kept.motions, by, || self.change_motion(members))
+        })
     }
 
     fn change_motion(&self, members: &[Member]) -> ChangedMotion {

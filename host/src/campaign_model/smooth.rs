@@ -147,9 +147,10 @@ fn by_level(s: &Conditions, layout: &Layout) -> Vec<Contribution> {
 
 /// Waves over the time of the campaign.
 fn by_time(s: &Conditions, layout: &Layout) -> Vec<Contribution> {
-    let last_run_s = s.runs.last().map_or(0.0, |run| run.time_s);
-    let last_reading_s = s.readings.last().map_or(0.0, |r| r.time_s);
-    let end_s = last_run_s.max(last_reading_s);
+    // Rows may stand in any order.
+    let times_s = s.runs.iter().map(|run| run.time_s);
+    let times_s = times_s.chain(s.readings.iter().map(|reading| reading.time_s));
+    let end_s = times_s.fold(0.0, f64::max);
     let wave = |order: i32| {
         let wave =
             |time_s: f64| (std::f64::consts::PI * f64::from(order) * time_s / end_s.max(1.0)).cos();

@@ -49,8 +49,7 @@ impl Command for BlindCheck {
             || bar.inc(1),
         )?;
         bar.finish_and_clear();
-        console.print(board.text())?;
-        console.json(&board)
+        console.answer(board.text(), &board)
     }
 }
 
@@ -69,7 +68,6 @@ impl BlindCheck {
         let bar = console.progress(study.campaigns(), "diagnosing");
         let board = study.run(|| bar.inc(1))?;
         bar.finish_and_clear();
-        console.print(board.text())?;
-        console.json(&board)
+        console.answer(board.text(), &board)
     }
 }

@@ -11,7 +11,8 @@ use shared::wire::board::{BoardState, Cause, TimeBase};
 use shared::wire::configuration::{Certified, Compensation, Configuration};
 use shared::wire::message::{Command as Ask, Event, Identity, State};
 
-use super::{Command, Console, positive};
+use super::{Command, Console, within};
+use crate::campaign::ranges;
 use crate::error::Error;
 use crate::link::Link;
 use crate::source::{BAUD, SerialSource, Source};
@@ -30,7 +31,7 @@ pub struct BringUp {
     #[arg(long, value_name = "BAUD", default_value_t = BAUD)]
     baud: u32,
     /// How long to measure, s
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = within(&ranges::DURATION))]
     time: f64,
     /// The converter's inputs are shorted: judge its noise and offset
     #[arg(long)]
@@ -80,8 +81,7 @@ impl Command for BringUp {
         if self.write {
             rows.push(write_and_read_back(&mut link)?);
         }
-        console.print(text(&rows))?;
-        console.json(&rows)?;
+        console.as_told(text(&rows), &rows)?;
         match rows.iter().filter(|row| row.passed == Some(false)).count() {
             0 => Ok(()),
             failed => Err(Error::Link {

@@ -7,14 +7,14 @@ use std::time::Duration;
 
 use super::operator::Terminal;
 use super::plan::Vibration;
-use super::{Command, Console, positive};
+use super::{Command, Console, within};
 use crate::attended::{self, Connection, Operator, Test};
 use crate::bench::board::Board;
 use crate::bench::excitation::FRONT_END;
 use crate::bench::noise::Seed;
 use crate::bench::plan::{Dwell, Static};
 use crate::bench::simulate::{Specification, VirtualBench};
-use crate::campaign::CampaignConfig;
+use crate::campaign::{CampaignConfig, ranges};
 use crate::capture::{self, Captured, Folder, Ledger};
 use crate::error::Error;
 use crate::interrupt::Interrupt;
@@ -63,19 +63,19 @@ pub struct Capture {
     )]
     bench: Option<PathBuf>,
     /// By hand: length of a reading, s [default: 10; with --resume that of the readings that are there]
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = within(&ranges::DURATION))]
     dwell: Option<f64>,
     /// By hand: how long the output has to be steady before a reading, s
-    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = within(&ranges::DURATION))]
     settle: f64,
     /// By hand: temperature of the instrument, deg C; that of the bench's reference if not given
-    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "C", value_parser = within(&ranges::TEMPERATURE), allow_negative_numbers = true)]
     temp_c: Option<f64>,
     /// By hand: the vibration along IA whose error the test is for, `sine:` peak or `random:` rms in g
     #[arg(long, value_name = "KIND:LEVEL", default_value = "random:1")]
     vibration: Vibration,
     /// By hand: tell when the standard uncertainty of that error is this share of it
-    #[arg(long, value_name = "SHARE", value_parser = positive)]
+    #[arg(long, value_name = "SHARE", value_parser = within(&ranges::ENOUGH))]
     enough: Option<f64>,
     /// By hand: from a page in a browser, instead of here
     #[arg(long)]
@@ -99,7 +99,7 @@ pub struct Capture {
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
     /// Standard uncertainty of a dial mark and of the base's level, arcsec
-    #[arg(long, value_name = "ARCSEC", default_value_t = 5.8, value_parser = positive)]
+    #[arg(long, value_name = "ARCSEC", default_value_t = 5.8, value_parser = within(&ranges::ARCSEC_SIGMA))]
     dial_sigma: f64,
     /// Shaker runs at the most
     #[arg(long, default_value_t = 4)]

@@ -12,8 +12,8 @@ use shared::stated_errors::StatedErrors;
 use shared::wire::configuration::{Certified, Configuration, Date, Provenance};
 use shared::wire::message::StoreFault;
 
-use super::{Command, Console, positive};
-use crate::campaign::Campaign;
+use super::{Command, Console, within};
+use crate::campaign::{Campaign, ranges};
 use crate::configuration::{configuration, provenance};
 use crate::diagnose::{Diagnosis, Verdict, static_test};
 use crate::error::Error;
@@ -61,10 +61,10 @@ pub struct Configure {
     block: u16,
     /// Volts of the instrument's output over those at the converter [default: divider over gain of campaign.toml, 1 where
     /// it states neither]
-    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    #[arg(long, value_name = "RATIO", value_parser = within(&ranges::FACTOR))]
     divider: Option<f64>,
     /// Scale of the reference at the converter, V/g
-    #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = positive)]
+    #[arg(long, value_name = "V/G", default_value_t = 0.1, value_parser = within(&ranges::REFERENCE_SCALE))]
     reference: f64,
     #[command(flatten)]
     errors: Errors,
@@ -75,19 +75,19 @@ pub struct Configure {
 #[command(next_help_heading = "Standard uncertainties that no campaign determines")]
 struct Errors {
     /// Change of the scale factor, from the middle of the campaign's temperatures on
-    #[arg(long, value_name = "PPM/K", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "PPM/K", default_value_t = 0.0, value_parser = within(&ranges::PARTS_PER_MILLION))]
     scale_per_k: f64,
     /// Change of the scale factor until the next calibration
-    #[arg(long, value_name = "PPM", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "PPM", default_value_t = 0.0, value_parser = within(&ranges::PARTS_PER_MILLION))]
     scale_drift: f64,
     /// Change of the bias, from the middle of the campaign's temperatures on
-    #[arg(long, value_name = "MICROG/K", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "MICROG/K", default_value_t = 0.0, value_parser = within(&ranges::BIAS_CHANGE))]
     bias_per_k: f64,
     /// Change of the bias until the next calibration
-    #[arg(long, value_name = "MICROG", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "MICROG", default_value_t = 0.0, value_parser = within(&ranges::BIAS_CHANGE))]
     bias_drift: f64,
     /// Nonlinearity of the converter, of full scale; the ADS131M04's is 6 ppm typically
-    #[arg(long, value_name = "PPM", default_value_t = 6.0, value_parser = not_negative)]
+    #[arg(long, value_name = "PPM", default_value_t = 6.0, value_parser = within(&ranges::PARTS_PER_MILLION))]
     converter_nonlinearity: f64,
 }
 
@@ -101,13 +101,6 @@ impl Errors {
             bias_drift_g: millionths(self.bias_drift),
             converter_nonlinearity: millionths(self.converter_nonlinearity),
         }
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
-        _ => Err("is not a finite number of at least zero".into()),
     }
 }
 
@@ -300,8 +293,7 @@ impl Command for Configure {
                 });
             }
         }
-        console.print(text(&kept))?;
-        console.json(&Shown {
+        let shown = Shown {
             configuration: kept.certified.map(|kept| kept.configuration),
             provenance: kept
                 .certified
@@ -310,7 +302,8 @@ impl Command for Configure {
             errors: kept.certified.map(|kept| kept.errors),
             writes: kept.writes,
             fault: kept.fault,
-        })?;
+        };
+        console.as_told(text(&kept), &shown)?;
         match kept.fault {
             None => Ok(()),
             Some(fault) => Err(Error::Link {

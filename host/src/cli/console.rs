@@ -14,7 +14,8 @@ use terminal_size::{Width, terminal_size};
 
 use super::wrap::wrapped;
 use crate::error::{Error, printable};
-use crate::output::{json_text, write_json};
+use crate::gate;
+use crate::output::{json_text, write_file};
 
 /// The options that all commands share.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -84,18 +85,44 @@ impl Console {
         }
     }
 
+    /// Prints `text`, which shows `result`, and writes that where `--json` says. Neither leaves with a number that cannot be.
+    ///
+    /// # Errors
+    /// Such a number; standard output or the file cannot be written.
+    pub fn answer(&self, text: impl Display, result: &impl Serialize) -> Result<(), Error> {
+        gate::check(result)?;
+        self.as_told(text, result)
+    }
+
+    /// The same of what an instrument said, whatever it is: a number that cannot be is no fault of ours.
+    ///
+    /// # Errors
+    /// Standard output or the file cannot be written.
+    pub fn as_told(&self, text: impl Display, result: &impl Serialize) -> Result<(), Error> {
+        self.print(text)?;
+        self.write(result)
+    }
+
     /// Writes `result` where `--json` says, if it was given.
     ///
     /// # Errors
-    /// The file or standard output cannot be written.
+    /// A number that cannot be; the file or standard output cannot be written.
     pub fn json(&self, result: &impl Serialize) -> Result<(), Error> {
+        gate::check(result)?;
+        self.write(result)
+    }
+
+    fn write(&self, result: &impl Serialize) -> Result<(), Error> {
         self.answered.store(true, Ordering::Relaxed);
         match &self.json {
             None => Ok(()),
-            Some(file) if self.json_to_stdout() => {
-                write_lines(io::stdout(), "standard output", &json_text(file, result)?)
+            Some(file) => {
+                let text = json_text(file, result)?;
+                match self.json_to_stdout() {
+                    true => write_lines(io::stdout(), "standard output", &text),
+                    false => write_file(file, text.as_bytes()),
+                }
             }
-            Some(file) => write_json(file, result),
         }
     }
 

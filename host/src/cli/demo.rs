@@ -6,10 +6,11 @@ use std::path::PathBuf;
 use shared::model::NOMINAL;
 
 use super::triad::{self, Made};
-use super::{Command, Console, positive, refuse_campaign};
+use super::{Command, Console, refuse_campaign, within};
 use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
+use crate::campaign::ranges;
 use crate::capture::{self, Captured};
 use crate::error::Error;
 use crate::output::write_json;
@@ -35,7 +36,7 @@ pub struct Demo {
     #[arg(long, value_enum, default_value = "remounted")]
     plan: Static,
     /// Standard uncertainty of a dial mark and of the base's level, arcsec
-    #[arg(long, value_name = "ARCSEC", default_value_t = 5.8, value_parser = positive)]
+    #[arg(long, value_name = "ARCSEC", default_value_t = 5.8, value_parser = within(&ranges::ARCSEC_SIGMA))]
     dial_sigma: f64,
     #[command(flatten)]
     made: Made,
@@ -70,8 +71,7 @@ impl Command for Demo {
             study: None,
         };
         let report = report::write(&captured.campaign, supplement, &self.out)?;
-        console.print(self.text(&captured, &report, &truth))?;
-        console.json(&report.prediction)
+        console.answer(self.text(&captured, &report, &truth), &report.prediction)
     }
 }
 

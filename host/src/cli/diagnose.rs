@@ -7,6 +7,7 @@ use crate::campaign::is_triad;
 use crate::contradictions::{self, Contradiction};
 use crate::diagnose::diagnose;
 use crate::error::Error;
+use crate::gate;
 use crate::output::write_file;
 use crate::report::{diagnosis_page, diagnosis_text};
 
@@ -54,6 +55,7 @@ impl Command for Diagnose {
         }
         let campaign = head::beside(campaign, self.head.as_deref(), console)?;
         let study = diagnose(&campaign, &self.without)?;
+        gate::check(&study.diagnosis)?;
         if let Some(file) = &self.html {
             write_file(file, diagnosis_page(&study)?.as_bytes())?;
         }
@@ -61,7 +63,6 @@ impl Command for Diagnose {
         for contradiction in study.diagnosis.contradictions.iter().filter(told) {
             console.print(contradiction)?;
         }
-        console.print(diagnosis_text(&study.diagnosis))?;
-        console.json(&study.diagnosis)
+        console.answer(diagnosis_text(&study.diagnosis), &study.diagnosis)
     }
 }

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::{Console, positive};
-use crate::campaign::{Campaign, read_mission};
+use super::{Console, within};
+use crate::campaign::{Campaign, ranges, read_mission};
 use crate::environment::{
     self, EnvironmentPrediction, G_M_S2, Judgement, MissionError, Vibration, judge, mission,
 };
@@ -23,24 +23,17 @@ pub(super) struct EnvironmentOptions {
     #[arg(long, value_name = "I,P,O", default_value = "1,0,0", value_parser = super::plan::direction, allow_hyphen_values = true, requires = "vibration")]
     direction: [f64; 3],
     /// Systematic specific force on IA during the vibration, g
-    #[arg(long, value_name = "G", default_value = "0", value_parser = super::plan::specific_force, allow_negative_numbers = true, requires = "vibration")]
+    #[arg(long, value_name = "G", default_value = "0", value_parser = within(&ranges::SPECIFIC_FORCE), allow_negative_numbers = true, requires = "vibration")]
     a0: f64,
     /// A mission: a table of time_s and level_g, the rms of the vibration then; the error of velocity at its end
     #[arg(long, value_name = "FILE", requires = "vibration")]
     mission: Option<PathBuf>,
     /// Greatest magnitude of the vibration error, g; the campaign's own [limits] if absent
-    #[arg(long, value_name = "G", value_parser = positive, requires = "vibration")]
+    #[arg(long, value_name = "G", value_parser = within(&ranges::VRE_LIMIT), requires = "vibration")]
     limit: Option<f64>,
     /// Greatest probability of a wrong pass, and of a wrong fail
-    #[arg(long, value_name = "P", default_value = "0.05", value_parser = risk, requires = "vibration")]
+    #[arg(long, value_name = "P", default_value = "0.05", value_parser = within(&ranges::RISK), requires = "vibration")]
     risk: f64,
-}
-
-fn risk(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(risk) if (1e-9..=0.5).contains(&risk) => Ok(risk),
-        _ => Err("is not a number from 1e-9 to 0.5".into()),
-    }
 }
 
 impl EnvironmentOptions {
@@ -100,8 +93,7 @@ impl EnvironmentOptions {
                 campaign.config.instrument.full_scale_g
             ))?;
         }
-        console.print(text)?;
-        console.json(&answer)
+        console.answer(text, &answer)
     }
 }
 

@@ -7,10 +7,11 @@ use std::path::PathBuf;
 use shared::identify::blindness::DEFICIENT_CONDITION;
 use shared::model::NOMINAL;
 
-use super::{Command, Console, RowName, head, read_campaign, triad};
-use crate::campaign::is_triad;
+use super::{Command, Console, RowName, head, read_campaign, triad, within};
+use crate::campaign::{is_triad, ranges};
 use crate::diagnose::{Identified, StaticTest, static_test};
 use crate::error::Error;
+use crate::gate;
 use crate::report;
 use crate::statics::{Identification, MEANINGS, Method, NAMES, identify, scatter_warning};
 
@@ -27,7 +28,7 @@ pub struct Identify {
     method: Method,
     /// State a standard deviation about zero for every coefficient but K1, each in its own unit: determines what the
     /// plan leaves blind, by assumption
-    #[arg(long, value_name = "SIGMA", value_parser = super::positive)]
+    #[arg(long, value_name = "SIGMA", value_parser = within(&ranges::PRIOR_SIGMA))]
     prior_sigma: Option<f64>,
     /// Leave a row of static.csv out, by its line in the file (repeatable)
     #[arg(long, value_name = "ROW")]
@@ -76,12 +77,14 @@ impl Command for Identify {
             }
         }
         let identification = identify(&judged.belonging, self.method, self.prior_sigma)?;
+        let identified = Identified::new(&identification, &judged);
+        gate::check(&identified)?;
         console.print(belonging(&judged))?;
         console.print(text(&identification))?;
         if let Some(file) = &self.teach {
             head::teach(&as_measured, file, console)?;
         }
-        console.json(&Identified::new(&identification, &judged))
+        console.json(&identified)
     }
 }
 

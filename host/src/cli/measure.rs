@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use super::into::Into;
 use super::sparkline::sparkline;
-use super::{Command, Console};
+use super::{Command, Console, within};
+use crate::campaign::ranges;
 use crate::error::{Error, Place, Problem, clip};
 use crate::import;
 use crate::measure::{
@@ -68,16 +69,16 @@ pub struct Measure {
     unit: Option<Unit>,
     /// Scale factor: counts or volts a g, negative of an inverted output; needed unless the unit is one of acceleration; of a record of frames, V/g at the converter's input, behind all dividers of the
     /// front end: 0.12 for an instrument of 1.2 V/g behind a divider by 10
-    #[arg(long, value_name = "UNITS_PER_G", value_parser = scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "UNITS_PER_G", value_parser = within(&ranges::RECORD_SCALE), allow_negative_numbers = true)]
     scale: Option<f64>,
     /// Where the output clips, g
-    #[arg(long, value_name = "G", value_parser = super::positive)]
+    #[arg(long, value_name = "G", value_parser = within(&ranges::FULL_SCALE))]
     full_scale: Option<f64>,
     /// Column of the instrument's temperature, C
     #[arg(long, value_name = "NAME")]
     temperature: Option<String>,
     /// Sensitivity of the bias to temperature, g/C; without it, it is taken from four or more segments before
-    #[arg(long, value_name = "G_PER_C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "G_PER_C", value_parser = within(&ranges::BIAS_SENSITIVITY), allow_negative_numbers = true)]
     temperature_sensitivity: Option<f64>,
     #[command(flatten)]
     into: Into,
@@ -87,15 +88,6 @@ pub struct Measure {
     /// Shaker run, of a record of frames; the first by default
     #[arg(long, value_name = "N")]
     run: Option<u32>,
-}
-
-/// What no instrument and no unit comes near is a slip of the pen.
-fn scale(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(scale) if (1e-12..=1e12).contains(&scale.abs()) => Ok(scale),
-        Ok(_) => Err("is outside of 1e-12 to 1e12".into()),
-        Err(_) => Err("is not a number".into()),
-    }
 }
 
 fn unit(text: &str) -> Result<Unit, String> {
@@ -233,7 +225,7 @@ impl Command for Measure {
             },
         };
         let measurement = measure::measure(&self.file, &request)?;
-        console.print(text(&measurement))?;
+        console.answer(text(&measurement), &measurement)?;
         if let Some(page) = &self.html {
             write_file(page, report::measurement_page(&measurement)?.as_bytes())?;
             console.print(format!("{}\n", page.display()))?;
@@ -246,7 +238,7 @@ impl Command for Measure {
                 campaign.append(&self.file, &self.into, &request, &measurement, electrical)?;
             console.print(told)?;
         }
-        console.json(&measurement)
+        Ok(())
     }
 }
 

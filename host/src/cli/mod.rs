@@ -23,9 +23,10 @@ use serde::Serialize;
 
 pub use console::Console;
 
+use crate::campaign::ranges::Range;
 use crate::campaign::{Campaign, table_file};
 use crate::capture::RECORD;
-use crate::error::{Error, printable};
+use crate::error::{Error, Problem, printable};
 
 /// What a command does with its arguments.
 trait Command {
@@ -280,12 +281,9 @@ fn refuse_campaign(folder: &Path, hint: &str) -> Result<(), Error> {
     Ok(())
 }
 
-/// A finite number greater than zero.
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
-        _ => Err("is not a finite number greater than zero".into()),
-    }
+/// Parser of an option that is a number of this range.
+fn within(range: &'static Range) -> impl Fn(&str) -> Result<f64, Problem> + Clone {
+    move |text| range.parse(text)
 }
 
 /// The first paragraph of clap's message, and its tips, as one line.

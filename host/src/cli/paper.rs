@@ -34,8 +34,7 @@ impl Command for Paper {
             instruments: compare(),
             diagnoses,
         };
-        console.print(text(&result))?;
-        console.json(&result)
+        console.answer(text(&result), &result)
     }
 }
 

@@ -11,8 +11,8 @@ use shared::tumble::{ARCSEC_RAD, Position, full_rank_plan, paper_plan};
 use shared::vibration::{Harmonic, Random};
 
 use super::identify::{condition, sum};
-use super::{Command, Console, positive, read_campaign, triad};
-use crate::campaign::{is_triad, read_plan};
+use super::{Command, Console, read_campaign, triad, within};
+use crate::campaign::{is_triad, ranges, read_plan};
 use crate::error::Error;
 use crate::head::TYPE;
 use crate::head::batch::DEFAULT_SPREAD;
@@ -45,25 +45,25 @@ pub struct Plan {
     #[arg(long, value_name = "I,P,O", default_value = "1,0,0", value_parser = direction, allow_hyphen_values = true)]
     direction: [f64; 3],
     /// Systematic specific force on IA during the vibration, g
-    #[arg(long, value_name = "G", default_value = "0", value_parser = specific_force, allow_negative_numbers = true)]
+    #[arg(long, value_name = "G", default_value = "0", value_parser = within(&ranges::SPECIFIC_FORCE), allow_negative_numbers = true)]
     a0: f64,
     /// Standard uncertainty of a dial mark, arcsec [default: the campaign's, or 5.8, a limit of +-10]
-    #[arg(long, value_name = "ARCSEC", value_parser = angle_sigma)]
+    #[arg(long, value_name = "ARCSEC", value_parser = within(&ranges::ARCSEC_SIGMA))]
     dial_sigma: Option<f64>,
     /// Standard uncertainty of the base's level, arcsec [default: the campaign's, or that of the dial]
-    #[arg(long, value_name = "ARCSEC", value_parser = angle_sigma)]
+    #[arg(long, value_name = "ARCSEC", value_parser = within(&ranges::ARCSEC_SIGMA))]
     level_sigma: Option<f64>,
     /// Repeatability of a setting, arcsec [default: the campaign's, or 1]
-    #[arg(long, value_name = "ARCSEC", value_parser = angle_sigma)]
+    #[arg(long, value_name = "ARCSEC", value_parser = within(&ranges::ARCSEC_SIGMA))]
     repeat_sigma: Option<f64>,
     /// Standard uncertainty of a remounting angle, arcsec [default: the campaign's, or 60]
-    #[arg(long, value_name = "ARCSEC", value_parser = angle_sigma)]
+    #[arg(long, value_name = "ARCSEC", value_parser = within(&ranges::ARCSEC_SIGMA))]
     mount_sigma: Option<f64>,
     /// Standard uncertainty of one reading from noise alone, g [default: the campaign's mean, or 1.5e-6]
-    #[arg(long, value_name = "G", value_parser = noise)]
+    #[arg(long, value_name = "G", value_parser = within(&ranges::READING_NOISE))]
     noise: Option<f64>,
     /// Standard deviation about zero of every coefficient but K1, for what the plan is blind to
-    #[arg(long, value_name = "SIGMA", default_value_t = DEFAULT_PRIOR_SIGMA, value_parser = positive)]
+    #[arg(long, value_name = "SIGMA", default_value_t = DEFAULT_PRIOR_SIGMA, value_parser = within(&ranges::PRIOR_SIGMA))]
     prior_sigma: f64,
     /// Search the best plan of N readings for these vibrations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(11..=400))]
@@ -73,12 +73,9 @@ pub struct Plan {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     batch: Option<u64>,
     /// Standard deviation of the coefficients that rectify within the type, each in its own unit, for --batch
-    #[arg(long, value_name = "SIGMA", default_value_t = 3e-5, value_parser = positive)]
+    #[arg(long, value_name = "SIGMA", default_value_t = 3e-5, value_parser = within(&ranges::PRIOR_SIGMA))]
     type_spread: f64,
 }
-
-/// Strongest vibration that is thought of, g.
-const MAX_LEVEL_G: f64 = 1e6;
 
 /// A vibration as people name it: `sine:2` or `random:1`.
 #[derive(Clone)]
@@ -116,10 +113,9 @@ impl FromStr for Vibration {
             "random" => false,
             _ => return Err("the kind is neither sine nor random".into()),
         };
-        let level_g = positive(level)?;
-        if level_g > MAX_LEVEL_G {
-            return Err("the level is beyond 1e6 g".into());
-        }
+        let level_g = ranges::LEVEL
+            .parse(level)
+            .map_err(|problem| format!("the level {problem}"))?;
         Ok(Self {
             text: text.into(),
             sine,
@@ -131,40 +127,16 @@ impl FromStr for Vibration {
 pub(super) fn direction(text: &str) -> Result<[f64; 3], String> {
     let parts: Option<Vec<f64>> = text
         .split(',')
-        .map(|part| part.trim().parse().ok())
+        .map(|part| ranges::DIRECTION.parse(part).ok())
         .collect();
     let Some(&[i, p, o]) = parts.as_deref() else {
-        return Err("is not three numbers with commas between".into());
+        return Err("is not three numbers from -1e6 to 1e6 with commas between".into());
     };
     let length = (i * i + p * p + o * o).sqrt();
-    if !(length.is_finite() && length > 0.0) {
+    if length == 0.0 {
         return Err("has no direction".into());
     }
     Ok([i / length, p / length, o / length])
-}
-
-/// An angle's standard uncertainty, arcsec: 0, or what an angle can be known to, up to 10 deg.
-fn angle_sigma(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(angle) if angle == 0.0 || (1e-6..=36_000.0).contains(&angle) => Ok(angle),
-        _ => Err("is neither 0 nor a number from 1e-6 to 36000".into()),
-    }
-}
-
-/// A specific force, g.
-pub(super) fn specific_force(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(force) if force.abs() <= MAX_LEVEL_G => Ok(force),
-        _ => Err("is not a number from -1e6 to 1e6".into()),
-    }
-}
-
-/// The noise of a reading, g.
-fn noise(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(noise) if (1e-15..=1.0).contains(&noise) => Ok(noise),
-        _ => Err("is not a number from 1e-15 to 1".into()),
-    }
 }
 
 /// What the command tells, `vre-plan/1`.
@@ -251,8 +223,7 @@ impl Command for Plan {
             best,
             batch: self.outlook(&plan, &conditions, &environments)?,
         };
-        console.print(text(&advice, &conditions))?;
-        console.json(&advice)
+        console.answer(text(&advice, &conditions), &advice)
     }
 }
 

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::environment::EnvironmentOptions;
-use super::{Command, Console, RowName, head, read_campaign, triad};
-use crate::campaign::{Run, is_triad, read_runs};
+use super::{Command, Console, RowName, head, read_campaign, triad, within};
+use crate::campaign::{Run, is_triad, ranges, read_runs};
 use crate::contradictions;
 use crate::diagnose::{Diagnosis, static_test};
 use crate::error::Error;
@@ -28,7 +28,7 @@ pub struct Predict {
     runs: Option<PathBuf>,
     /// Standard deviation about zero of every coefficient but K1, each in its own unit, stated beforehand; 5e-4 is
     /// taken where the static plan leaves a direction undetermined
-    #[arg(long, value_name = "SIGMA", value_parser = super::positive)]
+    #[arg(long, value_name = "SIGMA", value_parser = within(&ranges::PRIOR_SIGMA))]
     prior_sigma: Option<f64>,
     /// Add the effects that `vre diagnose --json` found in the campaign
     #[arg(long, value_name = "FILE.json")]
@@ -106,8 +106,7 @@ impl Command for Predict {
             }
         }
         let stated = self.prior_sigma.is_some();
-        console.print(text(&prediction, runs, stated))?;
-        console.json(&prediction)
+        console.answer(text(&prediction, runs, stated), &prediction)
     }
 }
 

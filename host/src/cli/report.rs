@@ -44,11 +44,13 @@ impl Command for Report {
             study: study.as_ref(),
         };
         let report = report::write(&campaign, supplement, &self.out)?;
-        console.print(format!(
-            "{}\n{}",
-            report::text::summary(&report),
-            self.out.join("report.html").display()
-        ))?;
-        console.json(&report.prediction)
+        console.answer(
+            format!(
+                "{}\n{}",
+                report::text::summary(&report),
+                self.out.join("report.html").display()
+            ),
+            &report.prediction,
+        )
     }
 }

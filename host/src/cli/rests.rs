@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use super::measure::TimeUnit;
-use super::{Command, Console, positive};
-use crate::campaign::{TriadConfig, write_positions};
+use super::{Command, Console, within};
+use crate::campaign::{TriadConfig, ranges, write_positions};
 use crate::error::Error;
 use crate::import::Columns;
 use crate::triad::{rests, text};
@@ -36,16 +36,16 @@ pub struct Rests {
     #[arg(long, value_name = "NAME")]
     temperature: Option<String>,
     /// Least length of a rest, s
-    #[arg(long, value_name = "S", default_value_t = 1.5, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 1.5, value_parser = within(&ranges::DURATION))]
     least: f64,
     /// Folder for positions.csv, made if need be
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Units (counts, volts, m/s^2) a g: writes a campaign.toml beside positions.csv
-    #[arg(long, value_name = "UNITS_PER_G", requires = "out", value_parser = positive)]
+    #[arg(long, value_name = "UNITS_PER_G", requires = "out", value_parser = within(&ranges::SCALE_FACTOR))]
     scale: Option<f64>,
     /// Local gravity over the unit g, for campaign.toml
-    #[arg(long, value_name = "G", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "G", default_value_t = 1.0, value_parser = within(&ranges::LOCAL_GRAVITY))]
     gravity: f64,
 }
 
@@ -82,7 +82,6 @@ impl Command for Rests {
             write_positions(&file, &found.positions())?;
             told += &format!("{}\n", file.display());
         }
-        console.print(told)?;
-        console.json(&found)
+        console.answer(told, &found)
     }
 }

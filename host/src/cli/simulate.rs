@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use clap::builder::PossibleValuesParser;
 
 use super::triad::{self, Made};
-use super::{Command, Console, positive, refuse_campaign};
+use super::{Command, Console, refuse_campaign, within};
 use crate::bench::effects;
 use crate::bench::imperfections::{self, Imperfection};
 use crate::bench::noise::Seed;
 use crate::bench::plan::Static;
 use crate::bench::simulate::{Specification, VirtualBench};
-use crate::campaign::write_runs;
+use crate::campaign::{ranges, write_runs};
 use crate::error::Error;
 use crate::seal;
 use crate::study::visibility::strength_for;
@@ -50,7 +50,7 @@ pub struct Simulate {
     #[arg(long, value_enum, default_value = "default")]
     plan: Static,
     /// Standard uncertainty of a dial mark and of the base's level, arcsec
-    #[arg(long, value_name = "ARCSEC", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "ARCSEC", default_value_t = 1.0, value_parser = within(&ranges::ARCSEC_SIGMA))]
     dial_sigma: f64,
     /// Something that the nominal model does not know, repeatable; `none`; or `sealed`: one or none of them, drawn
     /// by the operating system's entropy, its label encrypted until `vre unseal`
@@ -58,11 +58,11 @@ pub struct Simulate {
         [NONE, SEALED].into_iter().chain(effects::catalogue().map(|entry| entry.id))))]
     effect: Vec<String>,
     /// Size of the effects in terms of a typical one [default: 1; a sealed effect's is drawn]
-    #[arg(long, value_parser = positive)]
+    #[arg(long, value_parser = within(&ranges::STRENGTH))]
     strength: Option<f64>,
     /// Size of the effects by how well each alone can be seen in this campaign: the length of the difference that it makes,
     /// in units of everything else that is uncertain (below 3 nobody can see it)
-    #[arg(long, value_name = "V", value_parser = positive, conflicts_with = "strength")]
+    #[arg(long, value_name = "V", value_parser = within(&ranges::VISIBILITY), conflicts_with = "strength")]
     visibility: Option<f64>,
     #[command(flatten)]
     made: Made,

@@ -6,9 +6,9 @@ use serde_json::json;
 use shared::triad::body::Axis;
 use shared::triad::vibration::BodyMoments;
 
-use super::{Console, refuse_campaign};
+use super::{Console, refuse_campaign, within};
 use crate::bench::noise::Seed;
-use crate::campaign::{TriadCampaign, read_triad_runs};
+use crate::campaign::{TriadCampaign, ranges, read_triad_runs};
 use crate::error::Error;
 use crate::output::{write_file, write_json};
 use crate::report;
@@ -20,8 +20,7 @@ use crate::triad::{self, rests, text};
 /// `vre identify`
 pub fn identify(folder: &Path, console: &Console) -> Result<(), Error> {
     let identification = triad::identify(&TriadCampaign::read(folder)?)?;
-    console.print(text::identification(&identification))?;
-    console.json(&identification)
+    console.answer(text::identification(&identification), &identification)
 }
 
 /// `vre predict`; `runs` is a table of its own.
@@ -42,15 +41,13 @@ pub fn predict(folder: &Path, runs: Option<&Path>, console: &Console) -> Result<
         )));
     }
     let prediction = triad::predict(&campaign, runs)?;
-    console.print(text::prediction(&prediction, runs))?;
-    console.json(&prediction)
+    console.answer(text::prediction(&prediction, runs), &prediction)
 }
 
 /// `vre diagnose`
 pub fn diagnose(folder: &Path, console: &Console) -> Result<(), Error> {
     let diagnosis = triad::diagnosis::diagnose(&TriadCampaign::read(folder)?)?;
-    console.print(text::diagnosis(&diagnosis))?;
-    console.json(&diagnosis)
+    console.answer(text::diagnosis(&diagnosis), &diagnosis)
 }
 
 /// `vre report`
@@ -58,12 +55,14 @@ pub fn report(folder: &Path, out: &Path, console: &Console) -> Result<(), Error>
     let campaign = TriadCampaign::read(folder)?;
     let report = report::triad::write(&campaign, out)?;
     let page = out.join("report.html");
-    console.print(format!(
-        "{}\n{}",
-        text::identification(&report.identification),
-        page.display()
-    ))?;
-    console.json(&report.identification)
+    console.answer(
+        format!(
+            "{}\n{}",
+            text::identification(&report.identification),
+            page.display()
+        ),
+        &report.identification,
+    )
 }
 
 /// Least length of a rest in the demonstration, s.
@@ -101,8 +100,7 @@ pub fn demo(out: &Path, session: &Session, console: &Console) -> Result<(), Erro
         told += &text::prediction(prediction, &campaign.runs);
     }
     told += &out.join("report.html").display().to_string();
-    console.print(told)?;
-    console.json(&report.identification)
+    console.answer(told, &report.identification)
 }
 
 /// Orientations to add that are looked for.
@@ -116,8 +114,7 @@ pub fn plan(
     console: &Console,
 ) -> Result<(), Error> {
     let plan = planning::assess(directions, conditions, environments, ADDITIONS)?;
-    console.print(text::plan(&plan, conditions))?;
-    console.json(&plan)
+    console.answer(text::plan(&plan, conditions), &plan)
 }
 
 /// What is taken where no campaign says otherwise: 2 microg a reading, cross-couplings of navigation instruments.
@@ -173,14 +170,13 @@ pub fn simulate(out: &Path, session: &Session, console: &Console) -> Result<(), 
     write_record(&out.join("record.csv"), &simulated)?;
     let truth = truth(&simulated);
     write_json(&out.join("truth.json"), &truth)?;
-    console.print(format!(
+    console.answer(format!(
         "{}: {} positions, {} shaker runs, a record of {:.0} s in record.csv, the truth in truth.json",
         out.display(),
         simulated.campaign.positions.len(),
         simulated.campaign.runs.len(),
         simulated.record.last().map_or(0.0, |sample| sample.time_s),
-    ))?;
-    console.json(&truth)
+    ), &truth)
 }
 
 /// The coefficients that the bench really gave the triad, by name.
@@ -217,7 +213,7 @@ pub struct Made {
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u16).range(12..=1000), requires = "triad")]
     pub positions: u16,
     /// Error of each setting of the triad, arcsec, which is stated; by hand, with no attitude known, if absent
-    #[arg(long, value_name = "ARCSEC", value_parser = super::positive, requires = "triad")]
+    #[arg(long, value_name = "ARCSEC", value_parser = within(&ranges::ARCSEC_SIGMA), requires = "triad")]
     pub attitude_sigma: Option<f64>,
 }
 

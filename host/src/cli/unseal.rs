@@ -23,8 +23,7 @@ pub struct Unseal {
 impl Command for Unseal {
     fn run(self, console: &Console) -> Result<(), Error> {
         let opened = unseal(&self.campaign, &self.diagnosis)?;
-        console.print(text(&opened))?;
-        console.json(&opened)
+        console.answer(text(&opened), &opened)
     }
 }
 

@@ -56,8 +56,7 @@ impl Command for Verify {
             "K1 is in volts at the converter. Self-check: {verdict}. Instrument and host {agreement}: {:.1e}",
             found.difference
         );
-        console.print(text)?;
-        console.json(&found)?;
+        console.as_told(text, &found)?;
         if found.agrees() {
             Ok(())
         } else {

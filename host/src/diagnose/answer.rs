@@ -11,6 +11,7 @@ use crate::contradictions::Contradiction;
 use crate::effects::identity::Stage;
 use crate::effects::{self, Effect};
 use crate::error::{Error, clip};
+use crate::gate;
 use crate::input::read_at_most;
 
 /// Name of the format.
@@ -390,7 +391,7 @@ impl Diagnosis {
     /// Reads a diagnosis that `vre diagnose --json` wrote.
     ///
     /// # Errors
-    /// Unreadable, not JSON of that format, or an effect that the catalogue does not hold.
+    /// Unreadable, not JSON of that format, an effect that the catalogue does not hold, or a number that cannot be.
     pub fn read(file: &Path) -> Result<Self, Error> {
         let bytes = read_at_most(file, MAX_BYTES)?;
         let diagnosis: Self = serde_json::from_slice(&bytes)
@@ -412,7 +413,29 @@ impl Diagnosis {
                 ));
             }
         }
+        gate::check(&diagnosis).map_err(|error| match error {
+            Error::Absurd { field, value } => {
+                Error::input(file, format!("{field} is {value:e}, which cannot be"))
+            }
+            other => other,
+        })?;
+        diagnosis.check_fitted(file)?;
         Ok(diagnosis)
+    }
+
+    /// A new fit starts at what was fitted: it must be what a fit can end at.
+    fn check_fitted(&self, file: &Path) -> Result<(), Error> {
+        for which in &self.which {
+            for (id, values) in which.effects.iter().zip(&which.fitted) {
+                let parameters = effects::find(id).map_or(&[][..], |effect| effect.parameters);
+                let mut pairs = parameters.iter().zip(values);
+                if let Some((_, value)) = pairs.find(|(p, value)| !p.prior.allows(**value)) {
+                    let line = format!("fitted: {value:e} is no parameter of {}", clip(id));
+                    return Err(Error::input(file, line));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Whether the effects that it names serve predictions: they explain the gap, and close something of it.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::Vibration;
-use crate::campaign::read_spectrum;
+use crate::campaign::{ranges, read_spectrum};
 use crate::error::Error;
 
 impl Vibration {
@@ -17,9 +17,9 @@ impl Vibration {
             return Ok(None);
         };
         let bad = |problem: &str| Error::Usage(format!("{name}: {problem}"));
-        let level = || match value.parse::<f64>() {
-            Ok(level) if (1e-6..=1e4).contains(&level) => Ok(level),
-            _ => Err(bad("the level is no number from 1e-6 to 1e4")),
+        let level = || {
+            let level = ranges::LEVEL.parse(value);
+            level.map_err(|problem| bad(&format!("the level {problem}")))
         };
         Ok(Some(match kind {
             "sine" => Self::sine(level()?, 0.0, direction),

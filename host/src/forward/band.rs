@@ -1,5 +1,7 @@
 //! Frequency responses over the bands of the runs.
 
+use std::collections::HashMap;
+
 use super::rows::RunConditions;
 use super::time_mean::TimeMean;
 use crate::campaign::VibrationKind;
@@ -20,16 +22,18 @@ impl Bands {
     /// The bands of these runs.
     pub fn new(runs: &[RunConditions]) -> Self {
         let mut edges: Vec<[f64; 2]> = Vec::new();
+        let mut numbers: HashMap<[u64; 2], usize> = HashMap::new();
         let of_run = runs.iter().map(|run| {
             let [low, high] = match run.kind {
                 VibrationKind::Sine => [run.band_hz[0]; 2],
                 VibrationKind::Random => run.band_hz,
             };
-            let band = edges.iter().position(|known| *known == [low, high]);
-            let band = band.unwrap_or_else(|| {
-                edges.push([low, high]);
-                edges.len() - 1
-            });
+            let band = *numbers
+                .entry([low, high].map(f64::to_bits))
+                .or_insert_with(|| {
+                    edges.push([low, high]);
+                    edges.len() - 1
+                });
             let width = high - low;
             (
                 band,

@@ -74,24 +74,77 @@ fn hermite(x: f64) -> [f64; ORDERS + 1] {
     he
 }
 
-/// I_n in s for noise of flat density over a band (Hz): rho(tau) = sinc(pi B tau) cos(2 pi f0 tau), by the midpoint
-/// rule over twenty of its correlation times, beyond which rho^3 is gone.
+/// I_n in s for noise of flat density over a band (Hz): rho(tau) = sinc(pi B tau) cos(2 pi f0 tau), B wide about f0. The power
+/// of the cosine is a sum of cosines, and the transform of sinc(pi B tau)^n over B is the cardinal B-spline M_n, n boxes
+/// convolved, so that
+///
+/// ```text
+/// I_n = 1/(2^n B) sum over j of C(n, j) M_n((n - 2j) f0 / B)
+/// ```
 pub(crate) fn correlation_integrals(band_hz: [f64; 2]) -> [f64; ORDERS + 1] {
     let [low, high] = band_hz;
     let width = (high - low).max(1e-3 * high);
-    let centre = 0.5 * (low + high);
-    let step = 1.0 / (16.0 * high);
-    let steps = ((20.0 / width) / step).ceil().min(1e6) as usize;
-    let mut sums = [0.0; ORDERS + 1];
-    for k in 0..steps {
-        let tau = (k as f64 + 0.5) * step;
-        let x = std::f64::consts::PI * width * tau;
-        let rho = x.sin() / x * (std::f64::consts::TAU * centre * tau).cos();
-        let mut power = rho;
-        for sum in &mut sums[1..] {
-            *sum += 2.0 * step * power;
-            power *= rho;
+    let centre = 0.5 * (low + high) / width;
+    std::array::from_fn(|n| {
+        let mut choices = 0.5_f64.powi(n as i32) / width;
+        let mut sum = 0.0;
+        for j in 0..=n {
+            sum += choices * cardinal_spline(n, (n as f64 - 2.0 * j as f64) * centre);
+            choices *= (n - j) as f64 / (j + 1) as f64;
+        }
+        sum
+    })
+}
+
+/// The centred cardinal B-spline of order `n`, by the recurrence of de Boor and Cox.
+fn cardinal_spline(n: usize, x: f64) -> f64 {
+    let t = x + 0.5 * n as f64;
+    if n == 0 || t < 0.0 || t >= n as f64 {
+        return 0.0;
+    }
+    // Of each order in turn the values at t, t - 1, ...
+    let mut values = [0.0; ORDERS + 1];
+    values[t as usize] = 1.0;
+    for order in 2..=n {
+        let degree = (order - 1) as f64;
+        for (k, from) in (0..n).map(|k| (k, t - k as f64)) {
+            values[k] = (from * values[k] + (order as f64 - from) * values[k + 1]) / degree;
         }
     }
-    sums
+    values[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The midpoint rule over two hundred correlation times.
+    fn by_quadrature([low, high]: [f64; 2], order: i32) -> f64 {
+        let (width, centre) = (high - low, 0.5 * (low + high));
+        let step = 1.0 / (32.0 * high);
+        let steps = (200.0 / width / step) as usize;
+        let power = |k: usize| {
+            let tau = (k as f64 + 0.5) * step;
+            let x = std::f64::consts::PI * width * tau;
+            (x.sin() / x * (std::f64::consts::TAU * centre * tau).cos()).powi(order)
+        };
+        2.0 * step * (0..steps).map(power).sum::<f64>()
+    }
+
+    #[test]
+    fn powers_of_an_autocorrelation_integrate_to_splines() {
+        for band_hz in [[20.0, 2000.0], [100.0, 101.0], [500.0, 900.0], [1.0, 50.0]] {
+            let integrals = correlation_integrals(band_hz);
+            let scale = integrals[4];
+            for order in 3..=ORDERS {
+                let expected = by_quadrature(band_hz, order as i32);
+                let miss = (integrals[order] - expected).abs();
+                assert!(
+                    miss < 1e-6 * scale,
+                    "{band_hz:?}, {order}: {} for {expected}",
+                    integrals[order]
+                );
+            }
+        }
+    }
 }

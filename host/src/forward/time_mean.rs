@@ -1,5 +1,6 @@
 //! Time means over a run's motion.
 
+use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::LazyLock;
 
@@ -32,7 +33,7 @@ pub struct Averages {
     sine: [Vec<[f64; 2]>; 2],
     normal: [Vec<[f64; 2]>; 2],
     /// Of each random band the integrals of its autocorrelation's powers.
-    integrals: Vec<([f64; 2], [f64; ORDERS + 1])>,
+    integrals: HashMap<[u64; 2], [f64; ORDERS + 1]>,
 }
 
 /// The time mean of a function of the specific force over one run.
@@ -55,11 +56,10 @@ static RECURRENCE: LazyLock<[[f64; 2]; ORDERS + 1]> = LazyLock::new(|| {
 impl Averages {
     /// Tables for these runs.
     pub fn new(runs: &[RunConditions]) -> Self {
-        let mut integrals: Vec<([f64; 2], _)> = Vec::new();
+        let mut integrals = HashMap::new();
         for run in runs.iter().filter(|run| run.kind == VibrationKind::Random) {
-            if !integrals.iter().any(|(band, _)| *band == run.band_hz) {
-                integrals.push((run.band_hz, correlation_integrals(run.band_hz)));
-            }
+            let band = integrals.entry(run.band_hz.map(f64::to_bits));
+            band.or_insert_with(|| correlation_integrals(run.band_hz));
         }
         Self {
             sine: SINE_NODES.map(gauss_legendre),
@@ -70,11 +70,10 @@ impl Averages {
 
     /// Integrals of the powers of a random run's autocorrelation, s; `None` for a sine.
     pub(crate) fn integrals(&self, run: &RunConditions) -> Option<&[f64; ORDERS + 1]> {
-        let mut known = self.integrals.iter();
-        let known = known.find(|(band, _)| *band == run.band_hz);
-        known
-            .filter(|_| run.kind == VibrationKind::Random)
-            .map(|(_, integrals)| integrals)
+        match run.kind {
+            VibrationKind::Sine => None,
+            VibrationKind::Random => self.integrals.get(&run.band_hz.map(f64::to_bits)),
+        }
     }
 
     /// The time mean of `function` over a run with this motion. Between its `kinks`, multiples of the motion's

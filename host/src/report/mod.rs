@@ -28,6 +28,7 @@ use certificate::Certificate;
 use crate::campaign::Campaign;
 use crate::diagnose::{Study, static_test};
 use crate::error::Error;
+use crate::gate;
 use crate::output::{write_file, write_json};
 use crate::prediction::{Prediction, predict};
 use crate::statics::{Identification, Method, fit, identify};
@@ -134,6 +135,11 @@ pub struct Supplement<'a> {
 /// Those of [`Report::new`], and what the file system says.
 pub fn write(campaign: &Campaign, supplement: Supplement<'_>, out: &Path) -> Result<Report, Error> {
     let report = Report::new(campaign)?;
+    gate::check(&report.identification)?;
+    gate::check(&report.prediction)?;
+    if let Some(study) = supplement.study {
+        gate::check(&study.diagnosis)?;
+    }
     let certificate = Certificate::of(&report.campaign, supplement.folder, &report.fit)?;
     let page = page::page(&report, &certificate, supplement.study)?;
     fs::create_dir_all(out).map_err(Error::write(out))?;

@@ -12,6 +12,7 @@ use super::page::figure;
 use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour};
 use crate::campaign::TriadCampaign;
 use crate::error::Error;
+use crate::gate;
 use crate::output::{write_file, write_json};
 use crate::quantity::Quantity;
 use crate::statics::{MEANINGS, NAMES};
@@ -41,6 +42,8 @@ pub fn write(campaign: &TriadCampaign, out: &Path) -> Result<TriadReport, Error>
         identification,
         prediction,
     };
+    gate::check(&report.identification)?;
+    gate::check(&report.prediction)?;
     let page = page(campaign, &report)?;
     fs::create_dir_all(out).map_err(Error::write(out))?;
     write_json(&out.join("identification.json"), &report.identification)?;

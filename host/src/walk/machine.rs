@@ -7,7 +7,7 @@ use super::estimate::{Estimate, Judgement};
 use super::live::Live;
 use super::stops::{StopState, Stops};
 use crate::bench::plan::Dwell;
-use crate::campaign::{CampaignConfig, Reading};
+use crate::campaign::{CampaignConfig, Reading, ranges};
 use crate::statics::Environment;
 
 /// How a walk is done.
@@ -284,8 +284,10 @@ impl Walk {
                 self.choose(stop);
             }
             Wish::Remark { text } => self.remark(text),
-            Wish::Temperature { temp_c } if temp_c.is_finite() => self.temp_c = temp_c,
-            Wish::Temperature { .. } => self.message = "that is no temperature".into(),
+            Wish::Temperature { temp_c } => match ranges::TEMPERATURE.check(temp_c) {
+                Ok(temp_c) => self.temp_c = temp_c,
+                Err(problem) => self.message = format!("the temperature {problem}"),
+            },
             Wish::Stop => {
                 self.abandon();
                 self.over();
