@@ -42,45 +42,41 @@ impl Beyond {
     }
 
     /// Of each error the factor on its stated standard deviation, with the factor's relative standard uncertainty.
-    /// `residuals` are whitened by the stated covariance, and `parts` what each error adds to the whitened covariance (row by row),
-    /// no more than the identity in sum. `None` where nothing tells them, or
-    /// by the first step nothing is off by `doubt` standard deviations (score test).
+    /// `residuals` are whitened by the stated covariance, and `parts` what each error adds to the whitened covariance, no more than
+    /// the identity in sum. `None` where nothing tells them, or by the first step nothing is off by `doubt` standard deviations
+    /// (score test).
     pub fn scales(
         &self,
         residuals: &[f64],
-        parts: &[Vec<f64>],
+        parts: &[DMatrix<f64>],
         doubt: f64,
     ) -> Option<Vec<(f64, f64)>> {
         let z = self.of(residuals);
         if z.is_empty() || parts.is_empty() {
             return None;
         }
-        let rows = residuals.len();
-        let inside = |part: &Vec<f64>| {
-            let whole = DMatrix::from_row_slice(rows, rows, part);
-            self.0.tr_mul(&(whole * &self.0))
-        };
+        let inside = |part: &DMatrix<f64>| self.0.tr_mul(&(part * &self.0));
         let parts: Vec<DMatrix<f64>> = parts.iter().map(inside).collect();
+        let first = Scoring::as_stated(&parts, &z)?;
+        if first.nothing_off_by(doubt) {
+            return None;
+        }
         let all = DMatrix::identity(z.len(), z.len());
         let fixed = parts.iter().fold(all, |rest, part| rest - part);
         let mut logarithms = vec![0.0_f64; parts.len()];
-        for round in 0..STEPS {
-            let scoring = Scoring::new(&fixed, &parts, &z, &logarithms)?;
-            let step = &scoring.inverse * &scoring.gradient;
-            let sigma = |k: usize| scoring.inverse[(k, k)].max(0.0).sqrt();
-            if round == 0 && (0..step.len()).all(|k| step[k].abs() < doubt * sigma(k)) {
-                return None;
-            }
+        let mut scoring = first;
+        for _ in 0..STEPS {
+            let step = scoring.step();
             for (logarithm, step) in logarithms.iter_mut().zip(step.iter()) {
                 *logarithm = (*logarithm + step.clamp(-LONGEST, LONGEST)).clamp(-BOUND, BOUND);
             }
+            scoring = Scoring::new(&fixed, &parts, &z, &logarithms)?;
             if step.amax() < SETTLED {
                 break;
             }
         }
-        let inverse = Scoring::new(&fixed, &parts, &z, &logarithms)?.inverse;
         let scale = |(k, logarithm): (usize, &f64)| {
-            let relative = 0.5 * inverse[(k, k)].max(0.0).sqrt();
+            let relative = 0.5 * scoring.inverse[(k, k)].max(0.0).sqrt();
             ((0.5 * logarithm).exp(), relative)
         };
         Some(logarithms.iter().enumerate().map(scale).collect())
@@ -98,6 +94,30 @@ struct Scoring {
 }
 
 impl Scoring {
+    /// Where the whole covariance is the identity.
+    fn as_stated(parts: &[DMatrix<f64>], z: &DVector<f64>) -> Option<Self> {
+        let gradient = parts
+            .iter()
+            .map(|part| 0.5 * (z.dot(&(part * z)) - part.trace()));
+        let gradient = DVector::from_vec(gradient.collect());
+        let information = DMatrix::from_fn(parts.len(), parts.len(), |k, l| {
+            0.5 * parts[k].dot(&parts[l])
+        });
+        let inverse = Cholesky::new(information)?.inverse();
+        Some(Self { gradient, inverse })
+    }
+
+    fn step(&self) -> DVector<f64> {
+        &self.inverse * &self.gradient
+    }
+
+    /// Whether no variance is that many standard deviations of its logarithm off.
+    fn nothing_off_by(&self, doubt: f64) -> bool {
+        let step = self.step();
+        let sigma = |k: usize| self.inverse[(k, k)].max(0.0).sqrt();
+        (0..step.len()).all(|k| step[k].abs() < doubt * sigma(k))
+    }
+
     /// `None` if a covariance or the information is singular.
     fn new(
         fixed: &DMatrix<f64>,
@@ -166,10 +186,6 @@ mod tests {
         (own, shared, whole)
     }
 
-    fn rows_of(matrix: &DMatrix<f64>) -> Vec<f64> {
-        matrix.transpose().as_slice().to_vec()
-    }
-
     #[test]
     fn factors_are_found_with_the_uncertainty_that_is_stated() {
         const TRUE: [f64; 2] = [1.6, 3.0];
@@ -179,7 +195,7 @@ mod tests {
             let half = lower.solve_lower_triangular(part).unwrap();
             lower.solve_lower_triangular(&half.transpose()).unwrap()
         };
-        let parts = [rows_of(&whitened(&own)), rows_of(&whitened(&shared))];
+        let parts = [whitened(&own), whitened(&shared)];
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let slope = |i: usize| i as f64 / ROWS as f64;
         let unknowns: Vec<Vec<f64>> = (0..4)
@@ -220,10 +236,12 @@ mod tests {
     #[test]
     fn nothing_is_said_of_what_no_row_tells() {
         let one = Beyond::new(1, &[vec![1.0]]);
-        assert_eq!(one.scales(&[1.0], &[vec![1.0]], 0.0), None);
+        assert_eq!(one.scales(&[1.0], &[DMatrix::identity(1, 1)], 0.0), None);
         let two = Beyond::new(2, &[vec![1.0, 1.0]]);
-        let part = vec![1.0, 0.0, 0.0, 1.0];
         // A residual of its stated size.
-        assert_eq!(two.scales(&[0.7, -0.7], &[part], 1.0), None);
+        assert_eq!(
+            two.scales(&[0.7, -0.7], &[DMatrix::identity(2, 2)], 1.0),
+            None
+        );
     }
 }

@@ -309,30 +309,11 @@ impl<'m> Readings<'m> {
     /// off by `doubt` standard deviations.
     fn scales(&self, doubt: f64) -> Option<[(f64, f64); 2]> {
         let parts = static_parts(self.campaign, self.model.scale_v_per_g(), self.under)?;
-        let parts = parts.map(|part| self.whitened(&self.whitened(&part)));
         let found = self.beyond.scales(self.residuals, &parts, doubt)?;
         let of = |noise: Noise, (factor, relative): (f64, f64)| {
             (self.under.factor(noise) * factor, relative)
         };
         Some([of(Noise::Readings, found[0]), of(Noise::Marks, found[1])])
-    }
-
-    /// The transpose of L^-1 A, row by row: of a symmetric A, done twice, L^-1 A L^-T.
-    fn whitened(&self, matrix: &[f64]) -> Vec<f64> {
-        let rows = self.model.rows(Observable::Static);
-        let observations = self.model.observations();
-        let columns = matrix.chunks_exact(rows.len()).map(|line| {
-            let mut column = Column::zero(observations.len());
-            for (row, value) in line.iter().enumerate() {
-                column.add_at(rows.clone(), row, *value);
-            }
-            observations.whiten(column)
-        });
-        let columns: Vec<Column> = columns.collect();
-        let lines = rows
-            .clone()
-            .map(|row| columns.iter().map(move |c| c.at(row)));
-        lines.flatten().collect()
     }
 }
 

@@ -6,14 +6,15 @@
 
 use inference::dense::inner_product;
 use inference::observations::{self, Observations};
-use shared::identify::static_test::Bench;
+use nalgebra::DMatrix;
+use shared::tumble::within_a_turn;
 
-use crate::campaign::{Campaign, Measured, Reading, Run, VibrationKind};
+use crate::campaign::{Campaign, Measured, Run, VibrationKind};
 use crate::forward::conditions::seen_ratios;
 use crate::forward::contribution::{Contribution, Layout, Observable};
 use crate::forward::motion::main_axis;
 use crate::forward::rows::RunConditions;
-use crate::statics::{bench, covariance, symmetric};
+use crate::statics::{bench, covariance, position};
 
 use super::assumptions::{Assumptions, Noise};
 use super::reference::Reference;
@@ -252,46 +253,52 @@ pub fn scale_factor(campaign: &Campaign) -> f64 {
     }
 }
 
-/// What of the covariance of the static readings, g^2, is their own noise and what the errors of the dial's marks are, row by row;
+/// What of the whitened covariance of the static readings is their own noise and what the errors of the dial's marks are;
 /// readings that are set aside have neither. `None` where other campaigns told of the marks.
 pub(super) fn static_parts(
     campaign: &Campaign,
     scale_v_per_g: f64,
     assumptions: &Assumptions,
-) -> Option<[Vec<f64>; 2]> {
+) -> Option<[DMatrix<f64>; 2]> {
     if campaign.config.mark_errors.is_some() {
         return None;
     }
+    let order = campaign.readings.len();
+    let packed = static_factor(campaign, scale_v_per_g, assumptions);
+    let lower = DMatrix::from_fn(order, order, |i, j| match j <= i {
+        true => packed[i * (i + 1) / 2 + j],
+        false => 0.0,
+    });
     let stated = bench(&campaign.config.bench);
-    let exact = Bench {
-        dial_sigma_rad: 0.0,
-        dial_repeat_sigma_rad: 0.0,
-        mount_sigma_rad: 0.0,
-        level_sigma_rad: 0.0,
-        ..stated
-    };
-    let marks = Bench {
-        dial_sigma_rad: assumptions.factor(Noise::Marks) * stated.dial_sigma_rad,
-        ..exact
-    };
-    let mut noisy = campaign.readings.clone();
-    let mut still = campaign.readings.clone();
-    for (noisy, still) in noisy.iter_mut().zip(&mut still) {
-        noisy.sigma_v *= assumptions.factor(Noise::Readings);
-        still.sigma_v = 0.0;
-    }
-    let order = noisy.len();
-    let part = |readings: &[Reading], bench: &Bench<f64>| {
-        let mut part = symmetric(&covariance(readings, bench, None, scale_v_per_g), order);
-        for &place in &assumptions.excluded_readings {
-            for other in 0..order {
-                part[place * order + other] = 0.0;
-                part[other * order + place] = 0.0;
-            }
+    let sigma_g = stated.local_gravity_g * assumptions.factor(Noise::Marks) * stated.dial_sigma_rad;
+    let counts = |place: usize| !assumptions.excluded_readings.contains(&place);
+    let places: Vec<(f64, f64)> = campaign
+        .readings
+        .iter()
+        .map(|reading| {
+            let place = position(reading);
+            let tangent = place.series.tangent(place.phi_rad()).i;
+            (within_a_turn(place.dial_deg), tangent)
+        })
+        .collect();
+    let marks = DMatrix::from_fn(order, order, |i, j| {
+        let ((mark, by_angle), (other, by_other)) = (places[i], places[j]);
+        match counts(i) && counts(j) && mark == other {
+            true => sigma_g * sigma_g * by_angle * by_other,
+            false => 0.0,
         }
-        part
+    });
+    let factor = assumptions.factor(Noise::Readings) / scale_v_per_g;
+    let own = DMatrix::from_fn(order, order, |i, j| match i == j && counts(i) {
+        true => (factor * campaign.readings[i].sigma_v).powi(2),
+        false => 0.0,
+    });
+    // L^-1 A L^-T of a symmetric A.
+    let whitened = |part: DMatrix<f64>| {
+        let half = lower.solve_lower_triangular(&part)?;
+        lower.solve_lower_triangular(&half.transpose())
     };
-    Some([part(&noisy, &exact), part(&still, &marks)])
+    Some([whitened(own)?, whitened(marks)?])
 }
 
 /// Cholesky factor of the covariance of the static readings, packed as that is.

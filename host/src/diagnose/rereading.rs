@@ -2,6 +2,7 @@
 //! reference whose axes all look backwards. They cost no parameter. Where the nominal model of the campaign read so fits better
 //! than any effect does of the campaign as it stands, that is what is said, and no effect.
 
+use rayon::prelude::*;
 use shared::model::SpecificForce;
 
 use super::settle::{Settled, nothing_but};
@@ -23,8 +24,10 @@ pub(super) fn rereading(campaign: &Campaign, settled: &Settled) -> Option<Contra
     if settled.search.hypotheses[0].fit.members.is_empty() {
         return None;
     }
-    let others = dial_turned(campaign).chain(reference_turned(campaign));
-    let weighed = others.filter_map(|other| {
+    let others: Vec<Rereading> = dial_turned(campaign)
+        .chain(reference_turned(campaign))
+        .collect();
+    let weighed = others.into_par_iter().filter_map(|other| {
         let weight = nothing_but(&other.campaign, &settled.assumptions)? + PRIOR.ln();
         Some((weight, other.says))
     });
