@@ -55,9 +55,9 @@ fn a_reading_comes_back_as_blocks_of_every_conversion_since_the_command() -> Res
     Ok(())
 }
 
-/// Conversions by which commands may differ in their delay: a fetch of three ends before the link looks for what has come,
+/// Conversions by which commands may differ in their delay: a fetch of sixteen ends before the link looks for what has come,
 /// another one before it is carried out, and it comes anywhere in a conversion.
-const TWO_FETCHES: i64 = 7;
+const TWO_FETCHES: i64 = 33;
 
 #[test]
 fn a_command_waits_for_two_fetches_at_the_most_whatever_the_line_carries() -> Result<(), Error> {
