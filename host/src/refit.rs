@@ -104,6 +104,30 @@ pub(crate) fn held_out_errors(model: &CampaignModel, fit: &Fit) -> Option<Vec<(u
     Some(found)
 }
 
+/// Errors (g) on the runs in these rows of a fit that has not seen them, made anew from the values of `fit`. `None` if the rest
+/// does not determine it.
+pub(crate) fn errors_of_refit(
+    campaign: &Campaign,
+    assumptions: &Assumptions,
+    model: &CampaignModel,
+    fit: &Fit,
+    rows: &[usize],
+) -> Option<Vec<f64>> {
+    let mut rest = campaign.clone();
+    for (place, run) in rest.runs.iter_mut().enumerate() {
+        if rows.contains(&model.row_of_run(place)) {
+            *run = run.unmade();
+        }
+    }
+    let mut without = CampaignModel::assuming(&rest, &[], model.effects(), assumptions);
+    let found = fit_all(&mut without, &fit.members)?;
+    let nuisances = without.nuisances().len();
+    let forecast = Forecast::new(&without.in_g(nuisances), &found);
+    let observed = model.observations().observed().to_vec();
+    let error = |&row: &usize| model.vre_g(&observed, row) - forecast.vre_g[row];
+    Some(rows.iter().map(error).collect())
+}
+
 /// Observables of a run that are held out with it.
 const HELD_OUT: [Observable; 6] = [
     Observable::Before,
@@ -210,5 +234,41 @@ impl Forecast {
         rows.map(|(row, x)| x * inner_product(row, slope))
             .sum::<f64>()
             .max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::effects::find as bench_effect;
+    use crate::bench::noise::Seed;
+    use crate::bench::plan::Static;
+    use crate::bench::simulate::{Specification, VirtualBench};
+    use crate::effects::find;
+
+    #[test]
+    fn where_a_block_determines_no_parameter_the_tangent_is_the_fit_without_it() {
+        let specification = Specification::with_dial_sigma(1.0);
+        let seed = Seed(6);
+        let mut stream = seed.stream("effect", 0);
+        let drawn = (bench_effect("sextic").unwrap().draw)(0.1, &mut stream);
+        let bench = VirtualBench::new(seed, Static::Default, specification, vec![drawn]);
+        let campaign = bench.simulate().campaign;
+        let assumptions = Assumptions::default();
+        let effects = [find("sextic").unwrap()];
+        let mut model = CampaignModel::assuming(&campaign, &[], &effects, &assumptions);
+        let member = Member {
+            component: 0,
+            values: vec![0.0],
+        };
+        let fit = fit_all(&mut model, &[member]).unwrap();
+        let by_tangent = held_out_errors(&model, &fit).unwrap();
+        let mut tangent = by_tangent.iter();
+        for block in model.blocks() {
+            let anew = errors_of_refit(&campaign, &assumptions, &model, &fit, &block).unwrap();
+            for (anew, (_, error, noise)) in anew.iter().zip(&mut tangent) {
+                assert!((anew - error).abs() < 0.2 * noise.sqrt(), "{anew} {error}");
+            }
+        }
     }
 }

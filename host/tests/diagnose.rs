@@ -6,7 +6,7 @@ use host::bench::effects;
 use host::bench::noise::Seed;
 use host::bench::plan::Static;
 use host::bench::simulate::{Simulation, Specification, VirtualBench};
-use host::campaign::{Campaign, Run, VibrationKind};
+use host::campaign::{Campaign, Run, Series, VibrationKind};
 use host::campaign_model::CampaignModel;
 use host::campaign_model::assumptions::Assumptions;
 use host::diagnose::{Diagnosis, Verdict, diagnose};
@@ -16,6 +16,8 @@ use host::forward::contribution::Observable;
 use host::forward::nominal::coefficients;
 use host::quantity::Quantity;
 use host::refit::predict_refitted;
+use host::report::diagnosis_text;
+use host::statics::position;
 use host::study::{Kind, Score, Scoreboard, blind_check};
 use inference::model::{Member, SeparableModel};
 use rayon::prelude::*;
@@ -232,6 +234,93 @@ fn an_effect_taken_out_of_the_catalogue_is_unexplained() {
         predict_refitted(campaign, [], runs, None).unwrap()
     );
     assert!(diagnose(&simulation.campaign, &["nonsense".to_owned()]).is_err());
+}
+
+/// A bias that jumps between two runs is no drift: it is like one, and the runs beside the jump say that it is none.
+#[test]
+fn an_unexplained_gap_says_what_it_is_like_and_where_it_is_not() {
+    let mut campaign = simulate(5, None).campaign;
+    let scale_v_per_g = campaign.config.instrument.scale_factor_nominal_v_per_g;
+    let jump_v = 50e-6 * scale_v_per_g;
+    let jump = campaign.runs.len() / 2;
+    for run in &mut campaign.runs[jump..] {
+        let measured = run.measured.as_mut().unwrap();
+        measured.before_v += jump_v;
+        measured.during_v += jump_v;
+        measured.after_v = measured.after_v.map(|after_v| after_v + jump_v);
+    }
+    let first_after = campaign.runs[jump].run;
+    let diagnosis = diagnose(&campaign, &[]).unwrap().diagnosis;
+    assert_eq!(diagnosis.verdict, Verdict::Unexplained);
+    let like = diagnosis.like.as_ref().unwrap();
+    assert!(like.effects.iter().any(|id| id == "drift"), "{like:?}");
+    assert!((0.5..1.0).contains(&like.share_of_gap), "{like:?}");
+    assert!(like.leaves_rms_over_noise > 1.2, "{like:?}");
+    let around = |runs: &[u64]| runs.contains(&first_after) && runs.contains(&(first_after - 1));
+    assert!(like.leaves_in.iter().any(|c| around(&c.runs)), "{like:?}");
+    let text = diagnosis_text(&diagnosis);
+    assert!(text.contains("\nlike     drift"), "{text}");
+    let explained = simulate(77, Some(("drift", 0.2))).campaign;
+    assert_eq!(diagnose(&explained, &[]).unwrap().diagnosis.like, None);
+}
+
+/// The dial turned the other way in one series, and in all: no effect is named for it, and where the runs tell, the dial is.
+#[test]
+fn a_dial_that_turned_the_other_way_is_no_effect() {
+    let (mut told, mut of) = (0, 0);
+    for seed in 60..72 {
+        let sound = simulate(seed, None).campaign;
+        for turned in [vec![Series::OutputAxis], Series::ALL.to_vec()] {
+            let mut campaign = sound.clone();
+            let readings = campaign.readings.iter_mut();
+            for reading in readings.filter(|r| turned.contains(&r.series)) {
+                reading.dial_deg = -reading.dial_deg;
+                reading.specific_force_g = position(reading).specific_force();
+            }
+            let diagnosis = diagnose(&campaign, &[]).unwrap().diagnosis;
+            assert_ne!(diagnosis.verdict, Verdict::Explained, "seed {seed}");
+            let slips = diagnosis.contradictions.iter();
+            let dials = slips.filter(|c| c.between[0] == "dial_deg").count();
+            if dials > 0 {
+                assert_eq!(diagnosis.verdict, Verdict::Unexplained);
+            }
+            told += dials;
+            of += 1;
+        }
+    }
+    assert!(2 * told > of, "{told} of {of}");
+}
+
+/// The head's marks err three times as much as the campaign states.
+#[test]
+fn marks_that_err_more_than_stated_are_told_and_make_no_effect() {
+    const STATED: f64 = 1.0;
+    const TRUE: f64 = 3.0;
+    let seeds: Vec<u64> = (4000..4040).collect();
+    let of = |seed: &u64| {
+        let specification = Specification::with_dial_sigma(TRUE);
+        let bench = VirtualBench::new(Seed(*seed), Static::Default, specification, Vec::new());
+        let mut campaign = bench.simulate().campaign;
+        campaign.config.bench.dial_sigma_arcsec = STATED;
+        let diagnosis = diagnose(&campaign, &[]).unwrap().diagnosis;
+        let told = diagnosis
+            .noise
+            .iter()
+            .find(|noise| noise.of == "dial marks");
+        let off = told.map(|noise| {
+            let factor = noise.factor;
+            (factor.value / (TRUE / STATED)).ln() / (factor.sigma / factor.value)
+        });
+        (diagnosis.verdict, off)
+    };
+    let found: Vec<(Verdict, Option<f64>)> = seeds.par_iter().map(of).collect();
+    let none = found.iter().filter(|f| f.0 == Verdict::NoGap).count();
+    assert!(none >= 38, "{none} of {}", found.len());
+    let told: Vec<f64> = found.iter().filter_map(|f| f.1).collect();
+    assert!(told.len() >= 36, "{} of {}", told.len(), found.len());
+    // The mean square of 40 normal numbers lies within this 99 times in 100.
+    let square = told.iter().map(|z| z * z).sum::<f64>() / told.len() as f64;
+    assert!((0.5..1.7).contains(&square), "{square}: {told:?}");
 }
 
 /// A memory's threshold lies between two peaks, and where between them nobody knows; an output's limits are where several

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! observations + model -> fit (one hypothesis) -> evidence -> search (all of them)
-//!                          remainder, adequacy, profile, held_out, information  look at what a fit says and leaves
+//!                          remainder, adequacy, profile, held_out, information, scales  look at what a fit says and leaves
 //! ```
 //!
 //! Unknowns of the base and parameters in proportion are solved for exactly, the others by Gauss-Newton steps (variable
@@ -25,5 +25,6 @@ pub mod outlier;
 pub mod prior;
 pub mod profile;
 pub mod remainder;
+pub mod scales;
 pub mod search;
 pub mod variance;

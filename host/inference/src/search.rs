@@ -119,6 +119,19 @@ pub struct Search {
     pub unexplained: bool,
 }
 
+impl Search {
+    /// Takes what was found for no explanation, whatever it leaves: something else is known to be at work.
+    pub fn leave_unexplained(&mut self, policy: &SearchPolicy) {
+        let total: f64 = self.hypotheses.iter().map(|h| h.probability).sum();
+        if !self.unexplained && total > 0.0 {
+            for hypothesis in &mut self.hypotheses {
+                hypothesis.probability *= policy.unexplained_rest / total;
+            }
+        }
+        self.unexplained = true;
+    }
+}
+
 /// Searches all components of a model. `None` if the observations and priors do not determine even the base.
 pub fn search(model: &mut dyn SeparableModel, policy: &SearchPolicy) -> Option<Search> {
     let undisturbed = still_base(model)?;

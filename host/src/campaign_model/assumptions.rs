@@ -16,11 +16,13 @@ pub enum Noise {
     Plateaus,
     /// Of the drift within runs.
     Drift,
+    /// Of the dial's marks, which readings on one mark share.
+    Marks,
 }
 
 impl Noise {
     /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Readings, Self::Plateaus, Self::Drift];
+    pub const ALL: [Self; 4] = [Self::Readings, Self::Plateaus, Self::Drift, Self::Marks];
 
     /// Its name in answers.
     pub fn name(self) -> &'static str {
@@ -28,6 +30,7 @@ impl Noise {
             Self::Readings => "readings",
             Self::Plateaus => "plateaus",
             Self::Drift => "drift",
+            Self::Marks => "dial marks",
         }
     }
 }
@@ -114,6 +117,7 @@ impl Assumptions {
         for reading in &mut campaign.readings {
             reading.sigma_v *= self.factor(Noise::Readings);
         }
+        campaign.config.bench.dial_sigma_arcsec *= self.factor(Noise::Marks);
         campaign
     }
 

@@ -5,9 +5,11 @@ use inference::fit::{Fit, fit_base};
 use inference::model::SeparableModel;
 use inference::observations::Column;
 use inference::outlier::distances;
+use inference::scales::Beyond;
 
 use super::CampaignModel;
 use super::assumptions::{Assumptions, Noise};
+use super::observables::static_parts;
 use super::reference::Reference;
 use crate::campaign::{Campaign, Run};
 use crate::forward::contribution::Observable;
@@ -26,6 +28,8 @@ const MOST_FACTOR: f64 = 5.0;
 /// Standard deviations of its logarithm at which a factor on the noise is taken up. At less the misfit that it leaves, some
 /// 3 standard deviations of chi-square, is no misfit to the search either.
 const CLEAR: f64 = 2.5;
+/// The same of a first step, at which a factor is looked at more closely.
+const DOUBT: f64 = 0.5 * CLEAR;
 /// Factor up to which numbers were computed, not measured: no noise is stated so much too large.
 const COMPUTED: f64 = 0.05;
 /// Fewest rows that tell a factor.
@@ -95,12 +99,7 @@ pub fn static_test(campaign: &Campaign) -> Option<StaticTest> {
         let model = CampaignModel::assuming(&alone, &[], &[], &assumed);
         let fit = fit_base(&model)?;
         // Smooth functions of the angle take what an effect leaves: it must not pass for rows or noise.
-        let mut judged = judge(&alone, &model, &fit, true, &assumed);
-        let factor = judged.factor(Noise::Readings);
-        let relative = SPREAD_OF_SCALE / (alone.readings.len() as f64).sqrt();
-        if factor.ln().abs() < TOLD * relative {
-            judged.noise_factor[Noise::Readings as usize] = 1.0;
-        }
+        let judged = judge(&alone, &model, &fit, true, &assumed);
         if rounds == ROUNDS || judged.agree(&assumed) {
             return Some(StaticTest {
                 model,
@@ -114,10 +113,23 @@ pub fn static_test(campaign: &Campaign) -> Option<StaticTest> {
 }
 
 impl StaticTest {
-    /// The factor on the stated noise of readings, and its relative standard uncertainty; `None` of too few.
-    pub fn scatter(&self) -> Option<(f64, f64)> {
-        let distances = distances(&self.model, &self.fit, &self.model.flexible());
-        scatter(&self.model, &distances, Noise::Readings, &self.assumptions)
+    /// The factor on the stated noise of readings, and its relative standard uncertainty; `None` of too few. That on the errors
+    /// of the dial's marks besides, where it is another than one.
+    pub fn scatter(&self, campaign: &Campaign) -> Vec<(Noise, f64, f64)> {
+        let further = self.model.flexible();
+        let distances = distances(&self.model, &self.fit, &further);
+        let readings = scatter(&self.model, &distances, Noise::Readings, &self.assumptions);
+        let mut found =
+            Vec::from_iter(readings.map(|(f, relative)| (Noise::Readings, f, relative)));
+        let (model, fit) = (&self.model, &self.fit);
+        found.extend(scale_of_marks(
+            campaign,
+            model,
+            fit,
+            &further,
+            &self.assumptions,
+        ));
+        found
     }
 }
 
@@ -143,12 +155,24 @@ pub fn judge(
             judged.set_aside(suspect.reading, suspect.place);
         }
     }
+    let clear = match campaign.runs.is_empty() {
+        true => TOLD,
+        false => CLEAR,
+    };
     // One row at a time: a bad one makes its neighbours look bad.
     loop {
         let distances = distances(model, fit, &further);
         for noise in Noise::ALL {
             let found = scatter(model, &distances, noise, under);
-            judged.noise_factor[noise as usize] = found.map_or(1.0, clear_factor);
+            judged.noise_factor[noise as usize] =
+                found.map_or(1.0, |found| clear_factor(found, clear));
+        }
+        let readings = Readings::new(campaign, model, fit, &further, under).scales(DOUBT);
+        let scales = readings.map(|found| found.map(|found| clear_factor(found, clear)));
+        // Where the marks are as they are stated, the robust scale of distances is the better one.
+        if let Some([own, marks]) = scales.filter(|[_, marks]| *marks != 1.0) {
+            judged.noise_factor[Noise::Readings as usize] = own;
+            judged.noise_factor[Noise::Marks as usize] = marks;
         }
         let Some((reading, place)) = farthest(campaign, model, &distances, under, &judged) else {
             return judged;
@@ -221,6 +245,8 @@ fn rows(model: &CampaignModel, noise: Noise) -> Vec<usize> {
         Noise::Readings => &[Observable::Static],
         Noise::Plateaus => &[Observable::Before, Observable::After],
         Noise::Drift => &[Observable::Drift],
+        // Not told by the size of residuals: readings share them.
+        Noise::Marks => &[],
     };
     let observations = model.observations();
     let all = observables
@@ -249,9 +275,70 @@ fn scatter(
     Some((found, SPREAD_OF_SCALE / (n as f64).sqrt()))
 }
 
-/// A factor that was found; 1 where it is not clearly another.
-fn clear_factor((found, relative): (f64, f64)) -> f64 {
-    let told = (COMPUTED..MOST_FACTOR).contains(&found) && found.ln().abs() > CLEAR * relative;
+/// What tells the factors on the noise of the readings and on the errors of the dial's marks.
+struct Readings<'m> {
+    campaign: &'m Campaign,
+    model: &'m CampaignModel,
+    under: &'m Assumptions,
+    beyond: Beyond,
+    residuals: &'m [f64],
+}
+
+impl<'m> Readings<'m> {
+    /// Beyond what a fit and `further` columns take.
+    fn new(
+        campaign: &'m Campaign,
+        model: &'m CampaignModel,
+        fit: &'m Fit,
+        further: &[Column],
+        under: &'m Assumptions,
+    ) -> Self {
+        let rows = model.rows(Observable::Static);
+        let columns = fit.columns.iter().chain(further);
+        let unknowns: Vec<Vec<f64>> = columns.map(|c| c.part(rows.clone()).to_vec()).collect();
+        Self {
+            campaign,
+            model,
+            under,
+            beyond: Beyond::new(rows.len(), &unknowns),
+            residuals: &fit.residuals[rows],
+        }
+    }
+
+    /// Both factors, each with its relative standard uncertainty; `None` where the readings do not tell them, or neither seems
+    /// off by `doubt` standard deviations.
+    fn scales(&self, doubt: f64) -> Option<[(f64, f64); 2]> {
+        let parts = static_parts(self.campaign, self.model.scale_v_per_g(), self.under)?;
+        let parts = parts.map(|part| self.whitened(&self.whitened(&part)));
+        let found = self.beyond.scales(self.residuals, &parts, doubt)?;
+        let of = |noise: Noise, (factor, relative): (f64, f64)| {
+            (self.under.factor(noise) * factor, relative)
+        };
+        Some([of(Noise::Readings, found[0]), of(Noise::Marks, found[1])])
+    }
+
+    /// The transpose of L^-1 A, row by row: of a symmetric A, done twice, L^-1 A L^-T.
+    fn whitened(&self, matrix: &[f64]) -> Vec<f64> {
+        let rows = self.model.rows(Observable::Static);
+        let observations = self.model.observations();
+        let columns = matrix.chunks_exact(rows.len()).map(|line| {
+            let mut column = Column::zero(observations.len());
+            for (row, value) in line.iter().enumerate() {
+                column.add_at(rows.clone(), row, *value);
+            }
+            observations.whiten(column)
+        });
+        let columns: Vec<Column> = columns.collect();
+        let lines = rows
+            .clone()
+            .map(|row| columns.iter().map(move |c| c.at(row)));
+        lines.flatten().collect()
+    }
+}
+
+/// A factor that was found; 1 where it is not `clear` standard deviations of its logarithm off that.
+fn clear_factor((found, relative): (f64, f64), clear: f64) -> f64 {
+    let told = (COMPUTED..MOST_FACTOR).contains(&found) && found.ln().abs() > clear * relative;
     if told { found } else { 1.0 }
 }
 
@@ -325,8 +412,10 @@ fn residuals(model: &CampaignModel, fit: &Fit) -> Vec<f64> {
     residuals
 }
 
-/// The factor on each kind of stated noise by what a fit leaves, with its relative standard uncertainty.
+/// The factor on each kind of stated noise by what a fit leaves, with its relative standard uncertainty; that on the errors of
+/// the dial's marks where it is another than one.
 pub fn noise(
+    campaign: &Campaign,
     model: &CampaignModel,
     fit: &Fit,
     assumptions: &Assumptions,
@@ -341,5 +430,23 @@ pub fn noise(
             (noise, found, (2.0 * freedom).sqrt().recip())
         })
     };
-    Noise::ALL.into_iter().filter_map(of).collect()
+    let mut found: Vec<_> = Noise::ALL.into_iter().filter_map(of).collect();
+    found.extend(scale_of_marks(campaign, model, fit, &[], assumptions));
+    found
+}
+
+/// The factor on the errors of the dial's marks, if it is assumed to be another than one.
+fn scale_of_marks(
+    campaign: &Campaign,
+    model: &CampaignModel,
+    fit: &Fit,
+    further: &[Column],
+    assumptions: &Assumptions,
+) -> Option<(Noise, f64, f64)> {
+    if assumptions.factor(Noise::Marks) == 1.0 {
+        return None;
+    }
+    let [_, (factor, relative)] =
+        Readings::new(campaign, model, fit, further, assumptions).scales(0.0)?;
+    Some((Noise::Marks, factor, relative))
 }

@@ -6,13 +6,14 @@
 
 use inference::dense::inner_product;
 use inference::observations::{self, Observations};
+use shared::identify::static_test::Bench;
 
-use crate::campaign::{Campaign, Measured, Run, VibrationKind};
+use crate::campaign::{Campaign, Measured, Reading, Run, VibrationKind};
 use crate::forward::conditions::seen_ratios;
 use crate::forward::contribution::{Contribution, Layout, Observable};
 use crate::forward::motion::main_axis;
 use crate::forward::rows::RunConditions;
-use crate::statics::{bench, covariance};
+use crate::statics::{bench, covariance, symmetric};
 
 use super::assumptions::{Assumptions, Noise};
 use super::reference::Reference;
@@ -251,6 +252,48 @@ pub fn scale_factor(campaign: &Campaign) -> f64 {
     }
 }
 
+/// What of the covariance of the static readings, g^2, is their own noise and what the errors of the dial's marks are, row by row;
+/// readings that are set aside have neither. `None` where other campaigns told of the marks.
+pub(super) fn static_parts(
+    campaign: &Campaign,
+    scale_v_per_g: f64,
+    assumptions: &Assumptions,
+) -> Option<[Vec<f64>; 2]> {
+    if campaign.config.mark_errors.is_some() {
+        return None;
+    }
+    let stated = bench(&campaign.config.bench);
+    let exact = Bench {
+        dial_sigma_rad: 0.0,
+        dial_repeat_sigma_rad: 0.0,
+        mount_sigma_rad: 0.0,
+        level_sigma_rad: 0.0,
+        ..stated
+    };
+    let marks = Bench {
+        dial_sigma_rad: assumptions.factor(Noise::Marks) * stated.dial_sigma_rad,
+        ..exact
+    };
+    let mut noisy = campaign.readings.clone();
+    let mut still = campaign.readings.clone();
+    for (noisy, still) in noisy.iter_mut().zip(&mut still) {
+        noisy.sigma_v *= assumptions.factor(Noise::Readings);
+        still.sigma_v = 0.0;
+    }
+    let order = noisy.len();
+    let part = |readings: &[Reading], bench: &Bench<f64>| {
+        let mut part = symmetric(&covariance(readings, bench, None, scale_v_per_g), order);
+        for &place in &assumptions.excluded_readings {
+            for other in 0..order {
+                part[place * order + other] = 0.0;
+                part[other * order + place] = 0.0;
+            }
+        }
+        part
+    };
+    Some([part(&noisy, &exact), part(&still, &marks)])
+}
+
 /// Cholesky factor of the covariance of the static readings, packed as that is.
 fn static_factor(campaign: &Campaign, scale_v_per_g: f64, assumptions: &Assumptions) -> Vec<f64> {
     let factor = assumptions.factor(Noise::Readings);
@@ -261,7 +304,8 @@ fn static_factor(campaign: &Campaign, scale_v_per_g: f64, assumptions: &Assumpti
             reading.sigma_v = EXCLUDED_SIGMA_G * scale_v_per_g.abs();
         }
     }
-    let stated = bench(&campaign.config.bench);
+    let mut stated = bench(&campaign.config.bench);
+    stated.dial_sigma_rad *= assumptions.factor(Noise::Marks);
     let known = campaign.config.mark_errors.as_deref();
     let mut packed = covariance(&readings, &stated, known, scale_v_per_g);
     for i in 0..campaign.readings.len() {

@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::fmt::Display;
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,7 +10,9 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
+use terminal_size::{Width, terminal_size};
 
+use super::wrap::wrapped;
 use crate::error::{Error, printable};
 use crate::output::{json_text, write_json};
 
@@ -52,10 +54,10 @@ impl Console {
         if self.quiet {
             return Ok(());
         }
-        let text = terminal_text(&text.to_string());
+        let text = text.to_string();
         match self.json_to_stdout() {
-            true => write_lines(io::stderr(), "standard error", &text),
-            false => write_lines(io::stdout(), "standard output", &text),
+            true => write_text(io::stderr(), "standard error", &text),
+            false => write_text(io::stdout(), "standard output", &text),
         }
     }
 
@@ -68,7 +70,7 @@ impl Console {
             return Ok(());
         }
         let line = format!("warning: {line}");
-        write_lines(io::stderr(), "standard error", &terminal_text(&line))
+        write_text(io::stderr(), "standard error", &line)
     }
 
     /// Writes a failure where `--json` says, if it was given and holds no result: some commands fail with one, as a disagreement.
@@ -120,6 +122,16 @@ impl Console {
 fn terminal_text(text: &str) -> String {
     let lines: Vec<String> = text.split('\n').map(printable).collect();
     lines.join("\n")
+}
+
+/// Writes lines for people: without what steers a terminal, and on one no longer than it is wide.
+fn write_text(stream: impl Write + IsTerminal, name: &str, text: &str) -> Result<(), Error> {
+    let text = terminal_text(text);
+    let size = stream.is_terminal().then(terminal_size).flatten();
+    match size {
+        Some((Width(width), _)) => write_lines(stream, name, &wrapped(&text, width.into())),
+        None => write_lines(stream, name, &text),
+    }
 }
 
 fn write_lines(mut stream: impl Write, name: &str, text: &str) -> Result<(), Error> {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::{Command, Console, RowName, head, read_campaign, triad};
 use crate::campaign::is_triad;
-use crate::contradictions;
+use crate::contradictions::{self, Contradiction};
 use crate::diagnose::diagnose;
 use crate::error::Error;
 use crate::output::write_file;
@@ -48,13 +48,18 @@ impl Command for Diagnose {
         }
         let campaign = read_campaign(&self.campaign, &self.exclude, console)?;
         let accepted = self.accept_contradictions;
-        for contradiction in contradictions::check(&self.campaign, &campaign, accepted)? {
+        let found = contradictions::check(&self.campaign, &campaign, accepted)?;
+        for contradiction in &found {
             console.print(format!("vibration.csv, {contradiction}"))?;
         }
         let campaign = head::beside(campaign, self.head.as_deref(), console)?;
         let study = diagnose(&campaign, &self.without)?;
         if let Some(file) = &self.html {
             write_file(file, diagnosis_page(&study)?.as_bytes())?;
+        }
+        let told = |one: &&Contradiction| !found.contains(one);
+        for contradiction in study.diagnosis.contradictions.iter().filter(told) {
+            console.print(contradiction)?;
         }
         console.print(diagnosis_text(&study.diagnosis))?;
         console.json(&study.diagnosis)

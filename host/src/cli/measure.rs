@@ -3,14 +3,18 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use super::into::Into;
+use super::sparkline::sparkline;
 use super::{Command, Console};
 use crate::error::{Error, Place, Problem, clip};
-use crate::import::{Dialect, Layout};
+use crate::import;
 use crate::measure::{
     self, Axis, Calibration, Columns, Measurement, MotionKind, Outcome, Picture, Plateau, Request,
     Selection, Unit, Verdict,
 };
+use crate::output::write_file;
 use crate::quantity::Quantity;
+use crate::report;
 
 /// Measure the vibration error from a raw record: how far the mean shifts under vibration, with its uncertainty and
 /// what else could have shifted it
@@ -24,13 +28,21 @@ Examples:
   Many files in one table, three axes in counts:
     vre measure raw.csv --column accel_x,accel_y,accel_z --group file --before 'quiet_*' --during 'saw_*' \\
       --time timestamp_ms --time-unit ms --scale 16384 --full-scale 2 --temperature temp_c
+  The plateaus of a record become runs of a campaign, with what the reference beside the instrument saw:
+    vre measure shaker.tdms --axes u=out_v,ref_i=x_g,ref_p=y_g,ref_o=z_g --into campaign
   A shaker run from recorded frames, an instrument of 1.2 V/g behind a divider by 10:
     vre measure capture.rec --run 3 --scale 0.12")]
 pub struct Measure {
-    /// A CSV table, or a record of frames
+    /// A table (CSV, XLSX, ODS), a record of another maker (WAV, Parquet, MAT, HDF5, UFF 58, TDMS, ULog, DataFlash, MCAP), or a
+    /// record of frames
     file: PathBuf,
     /// Columns of the output, one an axis (for a table)
-    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    #[arg(
+        long,
+        value_name = "NAME",
+        value_delimiter = ',',
+        conflicts_with = "axes"
+    )]
     column: Vec<String>,
     /// Column that says to which file or group a row belongs; without it, --before and --during are windows of time
     #[arg(long, value_name = "NAME")]
@@ -44,7 +56,7 @@ pub struct Measure {
     /// Names to leave out
     #[arg(long, value_name = "NAMES", requires = "before")]
     without: Option<String>,
-    /// Column of the time; without it, windows count rows
+    /// Column of the time; without it, windows count rows, unless the file tells rate or times itself
     #[arg(long, value_name = "NAME")]
     time: Option<String>,
     /// Unit of the time; without it, what the name of the column or a row of units says, or s
@@ -67,6 +79,11 @@ pub struct Measure {
     /// Sensitivity of the bias to temperature, g/C; without it, it is taken from four or more segments before
     #[arg(long, value_name = "G_PER_C", allow_negative_numbers = true)]
     temperature_sensitivity: Option<f64>,
+    #[command(flatten)]
+    into: Into,
+    /// Write a page with the picture of what was taken, for a browser
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Shaker run, of a record of frames; the first by default
     #[arg(long, value_name = "N")]
     run: Option<u32>,
@@ -107,7 +124,7 @@ impl Measure {
     /// Fills in what a table says of itself: time and outputs by names and units.
     fn complete(&mut self) -> Result<Vec<Option<Unit>>, Error> {
         let names: Vec<&str> = self.column.iter().map(String::as_str).collect();
-        let layout = Layout::of(&Dialect::of(&self.file, &names)?);
+        let layout = import::layout(&self.file, &names)?;
         if let Some(twice) = layout.twice() {
             let place = Place {
                 column: Some(twice.into()),
@@ -135,7 +152,7 @@ impl Measure {
         if let Some(unit) = self.time_unit {
             return Ok(unit.per_second());
         }
-        let layout = Layout::of(&Dialect::of(&self.file, &[name])?);
+        let layout = import::layout(&self.file, &[name])?;
         Ok(layout.seconds(name).unwrap_or(1.0))
     }
 
@@ -168,6 +185,10 @@ impl Measure {
 
 impl Command for Measure {
     fn run(mut self, console: &Console) -> Result<(), Error> {
+        let campaign = self.into.campaign()?;
+        if let Some(output) = self.into.output() {
+            self.column = vec![output.to_owned()];
+        }
         let table = !measure::is_record(&self.file, &self.column)?;
         let units = if table { self.complete()? } else { Vec::new() };
         let selection = match (&self.before, &self.during) {
@@ -187,7 +208,13 @@ impl Command for Measure {
                 "--temperature-sensitivity is not finite".into(),
             ));
         }
-        let units_per_g = self.units_per_g(&units)?;
+        // The campaign tells the scale factor of its instrument.
+        let units_per_g = match (self.units_per_g(&units), &campaign, self.into.output()) {
+            (Err(_), Some(campaign), Some(output)) if table => {
+                campaign.units_per_g(&self.file, output)?
+            }
+            (found, ..) => found?,
+        };
         let time = self.time.clone();
         let time = time.map(|name| Ok((name.clone(), self.per_second(&name)?)));
         let time = time.transpose()?;
@@ -207,6 +234,18 @@ impl Command for Measure {
         };
         let measurement = measure::measure(&self.file, &request)?;
         console.print(text(&measurement))?;
+        if let Some(page) = &self.html {
+            write_file(page, report::measurement_page(&measurement)?.as_bytes())?;
+            console.print(format!("{}\n", page.display()))?;
+        }
+        if let Some(campaign) = campaign {
+            let electrical = units
+                .iter()
+                .all(|unit| unit.or(self.unit).and_then(Unit::units_per_g).is_none());
+            let told =
+                campaign.append(&self.file, &self.into, &request, &measurement, electrical)?;
+            console.print(told)?;
+        }
         console.json(&measurement)
     }
 }
@@ -353,13 +392,7 @@ fn write_picture(text: &mut String, picture: &Picture) {
         alive().fold(f64::INFINITY, f64::min),
         alive().fold(0.0, f64::max),
     );
-    let bars: Vec<char> = "\u{2581}\u{2582}\u{2583}\u{2584}\u{2585}\u{2586}\u{2587}\u{2588}"
-        .chars()
-        .collect();
-    let bar = |rms: f64| {
-        let share = (rms.max(low) / low).ln() / (high / low).ln().max(1e-9);
-        bars.get((share * 7.99) as usize).copied().unwrap_or(' ')
-    };
+    let share = |rms: &f64| (rms.max(low) / low).ln() / (high / low).ln().max(1e-9);
     let [from, to] = picture.extent_s;
     let width = columns.len() as f64;
     let at = |column: usize| from + (to - from) * (column as f64 + 0.5) / width;
@@ -369,7 +402,7 @@ fn write_picture(text: &mut String, picture: &Picture) {
         time if within(&picture.rests_s, time) => 'r',
         _ => ' ',
     };
-    let line: String = columns.iter().map(|rms| bar(*rms)).collect();
+    let line = sparkline(columns.iter().map(share));
     let marks: String = (0..columns.len()).map(mark).collect();
     let _ = writeln!(
         text,

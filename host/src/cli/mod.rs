@@ -6,8 +6,11 @@
 mod console;
 mod environment;
 mod head;
+mod into;
 mod operator;
+mod sparkline;
 mod triad;
+mod wrap;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -61,6 +64,7 @@ commands! {
     help::Help,
     fleet::Fleet,
     identify::Identify,
+    look::Look,
     measure::Measure,
     paper::Paper,
     plan::Plan,

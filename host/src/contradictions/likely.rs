@@ -74,13 +74,22 @@ const SLIPS: [Slip; 14] = [
     slip(0.001, None, Some("mg entered for g")),
 ];
 
-/// What explains that command over reference comes to `factor`.
-pub(super) fn of_factor(factor: f64, wrong: Wrong, reference_column: &str) -> String {
+fn nearest(factor: f64) -> Option<&'static Slip> {
     let distance = |slip: &&Slip| (slip.factor / factor).ln().abs();
     let nearest = SLIPS
         .iter()
         .min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    let nearest = nearest.filter(|slip| near(slip.factor, factor, TOLERANCE));
+    nearest.filter(|slip| near(slip.factor, factor, TOLERANCE))
+}
+
+/// Is this the factor of a slip of the hand?
+pub(super) fn is_slip(factor: f64) -> bool {
+    nearest(factor).is_some()
+}
+
+/// What explains that command over reference comes to `factor`.
+pub(super) fn of_factor(factor: f64, wrong: Wrong, reference_column: &str) -> String {
+    let nearest = nearest(factor);
     let level = nearest
         .and_then(|slip| slip.level)
         .map(|done| format!("{done} in {LEVEL}"));

@@ -56,7 +56,13 @@ pub enum Rows {
 }
 
 impl Contradiction {
-    fn all(between: [&str; 2], factor: f64, rows: impl Into<String>, likely: String) -> Self {
+    /// Of all rows of a kind.
+    pub(crate) fn all(
+        between: [&str; 2],
+        factor: f64,
+        rows: impl Into<String>,
+        likely: String,
+    ) -> Self {
         let rows = Rows::All(rows.into());
         Self::new(between, factor, rows, likely)
     }

@@ -267,6 +267,22 @@ pub struct Diagnosis {
     /// Where no gap was seen, the least one that could have been; absent without runs, or where none could.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sight: Option<Sight>,
+    /// What an unexplained gap is like; absent where no effects make most of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub like: Option<Likeness>,
+}
+
+/// Effects that make most of a gap which they do not explain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Likeness {
+    /// Effects that act.
+    pub effects: Vec<String>,
+    /// Share of the gap's squared excess over the stated noise that they make, 0.5 to 1.
+    pub share_of_gap: f64,
+    /// Root mean square of what their fit leaves in units of the stated uncertainty; about 1 would be right.
+    pub leaves_rms_over_noise: f64,
+    /// Regions of conditions that hold what it leaves.
+    pub leaves_in: Vec<Condition>,
 }
 
 /// Share of the excess in one observable.
@@ -294,6 +310,16 @@ pub struct Condition {
     /// Probability that a search finds as much by chance.
     pub p_value: f64,
 }
+
+impl Condition {
+    /// Whether its numbers are those of readings of the dial.
+    pub fn of_readings(&self) -> bool {
+        DIAL_FACTORS.contains(&self.factor.as_str())
+    }
+}
+
+/// Conditions of readings; all others are of runs.
+pub(super) const DIAL_FACTORS: [&str; 3] = ["dial_deg", "series", "approach"];
 
 /// Root mean squares over held-out runs of measured less predicted vibration error, g.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

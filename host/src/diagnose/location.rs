@@ -8,13 +8,13 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::answer::{Condition, Gap, ObservableShare, StageProbability, Where};
+use super::answer::{Condition, DIAL_FACTORS, Gap, ObservableShare, StageProbability, Where};
 use crate::campaign::{Approach, Campaign};
 use crate::campaign_model::CampaignModel;
 use crate::campaign_model::observables::{GAP, name};
 use crate::effects::identity::Stage;
 use crate::forward::contribution::Observable;
-use crate::forward::rows::RunConditions;
+use crate::forward::rows::{ReadingConditions, RunConditions};
 
 /// Permutations that the search over conditions is corrected by.
 const PERMUTATIONS: usize = 199;
@@ -84,7 +84,8 @@ fn stages(model: &CampaignModel, search: &Search) -> Vec<StageProbability> {
     stages.collect()
 }
 
-fn conditions(model: &CampaignModel, excess: &[f64]) -> Vec<Condition> {
+/// Regions of conditions that hold the excess of rows (squares less 1), runs before readings.
+pub(super) fn conditions(model: &CampaignModel, excess: &[f64]) -> Vec<Condition> {
     let mut found = runs(model, excess).regions();
     found.extend(readings(model, excess).regions());
     found
@@ -118,29 +119,22 @@ fn runs(model: &CampaignModel, excess: &[f64]) -> Table {
 
 fn readings(model: &CampaignModel, excess: &[f64]) -> Table {
     let readings = &model.conditions().readings;
+    let values: [fn(&ReadingConditions) -> f64; 3] = [
+        |reading| reading.dial_deg,
+        |reading| f64::from(u8::from(reading.series)),
+        |reading| f64::from(u8::from(reading.approach == Approach::Clockwise)),
+    ];
     Table {
         excess: model
             .rows(Observable::Static)
             .map(|row| excess[row])
             .collect(),
         numbers: readings.iter().map(|reading| reading.order).collect(),
-        factors: vec![
-            ("dial_deg", readings.iter().map(|r| r.dial_deg).collect()),
-            (
-                "series",
-                readings
-                    .iter()
-                    .map(|r| f64::from(u8::from(r.series)))
-                    .collect(),
-            ),
-            (
-                "approach",
-                readings
-                    .iter()
-                    .map(|r| f64::from(u8::from(r.approach == Approach::Clockwise)))
-                    .collect(),
-            ),
-        ],
+        factors: DIAL_FACTORS
+            .into_iter()
+            .zip(values)
+            .map(|(name, value)| (name, readings.iter().map(value).collect()))
+            .collect(),
     }
 }
 

@@ -13,12 +13,14 @@ mod estimates;
 mod held_out;
 mod identification;
 mod improvement;
+mod likeness;
 mod location;
 mod next_tests;
 mod onboard;
 mod proposals;
 mod reach;
 mod remarks;
+mod rereading;
 mod rows;
 mod settle;
 mod sight;
@@ -30,8 +32,10 @@ pub use onboard::WHY_NOT_CARRIED;
 pub use rows::GapRow;
 pub use static_test::{Identified, StaticTest, static_test};
 
+use inference::search::SearchPolicy;
+
 use crate::campaign::Campaign;
-use crate::contradictions::contradictions;
+use crate::contradictions::{Contradiction, contradictions};
 use crate::effects::{self, Effect};
 use crate::error::Error;
 use settle::{Settled, settle};
@@ -52,7 +56,11 @@ pub struct Study {
 pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error> {
     let effects = effects_but(without)?;
     let undetermined = || Error::Usage("the campaign does not determine the nominal model".into());
-    let settled = settle(campaign, &effects).ok_or_else(undetermined)?;
+    let mut settled = settle(campaign, &effects).ok_or_else(undetermined)?;
+    let slip = rereading::rereading(campaign, &settled);
+    if slip.is_some() {
+        settled.search.leave_unexplained(&SearchPolicy::default());
+    }
     let best = &settled.search.hypotheses[0].fit;
     let shrink = held_out::shrink(campaign, &settled, best);
     let mut judgement = Judgement::of(&settled.search, shrink.as_ref());
@@ -63,7 +71,14 @@ pub fn diagnose(campaign: &Campaign, without: &[String]) -> Result<Study, Error>
     }
     Ok(Study {
         rows: rows::rows(&settled.model, judgement.shown(&settled.search)),
-        diagnosis: answer(campaign, &settled, &judgement, shrink, sight.flatten()),
+        diagnosis: answer(
+            campaign,
+            &settled,
+            &judgement,
+            shrink,
+            sight.flatten(),
+            slip.into_iter().chain(contradictions(campaign)).collect(),
+        ),
     })
 }
 
@@ -85,6 +100,7 @@ fn answer(
     judgement: &Judgement,
     shrink_of_best: Option<answer::Shrink>,
     sight: Option<answer::Sight>,
+    contradictions: Vec<Contradiction>,
 ) -> Diagnosis {
     let Settled { model, search, .. } = settled;
     let shown = judgement.shown(search);
@@ -95,7 +111,6 @@ fn answer(
         false => held_out::shrink(campaign, settled, shown),
     };
     let shrink = shrink.map(|shrink| shrink.under(verdict));
-    let contradictions = contradictions(campaign);
     Diagnosis {
         format: answer::FORMAT.into(),
         serial: campaign.config.instrument.serial.clone(),
@@ -118,5 +133,8 @@ fn answer(
         shaker: remarks::shaker(model, shown),
         not_looked_at: location::not_looked_at(campaign),
         sight,
+        like: (verdict == Verdict::Unexplained)
+            .then(|| likeness::likeness(model, search))
+            .flatten(),
     }
 }

@@ -32,6 +32,8 @@ pub(super) struct Settled {
     pub(super) model: CampaignModel,
     pub(super) search: Search,
     pub(super) assumptions: Assumptions,
+    /// Logarithm of the posterior weight of what was found, up to what all ways to read the tables share.
+    pub(super) weight: f64,
     /// Rows that do not belong, with their distance in standard deviations.
     pub(super) suspects: Vec<Suspect>,
     /// Each kind of noise: the factor on its stated size by what the answer leaves, and its relative standard uncertainty.
@@ -47,13 +49,19 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
     if !agreed || !best.fit().members.is_empty() {
         // Effects may have been found for a few bad rows, or bad rows hidden by effects that are none.
         let plain = CampaignModel::assuming(campaign, &[], effects, &stated);
-        let flexible = judge(campaign, &plain, &fit_base(&plain)?, true, &stated);
+        let nominal = fit_base(&plain)?;
+        let flexible = judge(campaign, &plain, &nominal, true, &stated);
         let few = (1..=FEW_ROWS).contains(&flexible.rows());
         let other = !flexible.agree(&stated) && (few || !agreed);
         // One effect that leaves nothing is what it seems, unless nothing but bad rows does as well.
         let simple = agreed && best.fit().members.len() == 1 && !best.search.unexplained;
         if other && !(simple && nothing_but(campaign, &flexible)? < best.weight) {
             best = better(best, attempt(campaign, effects, flexible)?);
+        }
+        // Smooth functions of the angle take most of what a dial's marks err by: without them, marks that do all of it show.
+        let bare = judge(campaign, &plain, &nominal, false, &stated);
+        if bare.factor(Noise::Marks) != 1.0 && nothing_but(campaign, &bare)? > best.weight {
+            best = better(best, attempt(campaign, effects, bare)?);
         }
     }
     for _ in 0..ROUNDS {
@@ -75,15 +83,16 @@ pub(super) fn settle(campaign: &Campaign, effects: &[&'static Effect]) -> Option
         model,
         search,
         assumptions,
-        ..
+        weight,
     } = best;
     let fit = &search.hypotheses[0].fit;
     let suspects = suspects(campaign, &model, fit, &assumptions);
-    let noise = noise(&model, fit, &assumptions);
+    let noise = noise(campaign, &model, fit, &assumptions);
     Some(Settled {
         model,
         search,
         assumptions,
+        weight,
         suspects,
         noise,
     })
@@ -117,7 +126,7 @@ fn attempt(
 }
 
 /// The weight that an attempt under these assumptions has at least: that of no effect.
-fn nothing_but(campaign: &Campaign, assumptions: &Assumptions) -> Option<f64> {
+pub(super) fn nothing_but(campaign: &Campaign, assumptions: &Assumptions) -> Option<f64> {
     let model = CampaignModel::assuming(campaign, &[], &[], assumptions);
     let fit = fit_base(&model)?;
     let of_rows = log_weight_of_rows(campaign, &model, &fit, assumptions);

@@ -5,7 +5,6 @@ use serde::Serialize;
 use super::answer::{NoiseFactor, SuspectRow};
 use super::remarks;
 use crate::campaign::Campaign;
-use crate::campaign_model::assumptions::Noise;
 use crate::campaign_model::judge::{self, suspects};
 use crate::statics::Identification;
 
@@ -55,14 +54,15 @@ pub fn static_test(campaign: &Campaign) -> StaticTest {
     };
     let (model, fit) = (&judged.model, &judged.fit);
     let far = suspects(&alone, model, fit, &judged.assumptions);
-    let noise = judged.scatter().map(|(factor, relative)| NoiseFactor {
+    let scatter = judged.scatter(&alone).into_iter();
+    let noise = scatter.map(|found| NoiseFactor {
         // As it was judged: what smooth functions of the angle take is no noise.
-        stated_holds: judged.assumptions.factor(Noise::Readings) == 1.0,
-        ..remarks::noise(&(Noise::Readings, factor, relative))
+        stated_holds: judged.assumptions.factor(found.0) == 1.0,
+        ..remarks::noise(&found)
     });
     StaticTest {
         belonging: judged.assumptions.applied_to_readings(campaign),
         suspects: remarks::suspect_rows(&alone, &far, model, fit, &[]),
-        noise: noise.into_iter().collect(),
+        noise: noise.collect(),
     }
 }

@@ -87,12 +87,7 @@ impl Judgement {
         ranked
             .filter(|(k, h)| *k == 0 || h.probability >= LISTED)
             .map(|(k, h)| Which {
-                effects: h
-                    .fit
-                    .members
-                    .iter()
-                    .map(|m| model.effect(m).id.into())
-                    .collect(),
+                effects: ids(model, &h.fit),
                 probability: h.probability,
                 parameters: estimates(model, &h.fit),
                 indistinguishable_from: if k == 0 { class.clone() } else { Vec::new() },
@@ -111,9 +106,17 @@ pub(super) fn credible_set(search: &Search) -> Vec<&Hypothesis> {
     search.hypotheses.iter().filter(stands).collect()
 }
 
+/// Effects of a fit.
+pub(super) fn ids(model: &CampaignModel, fit: &Fit) -> Vec<String> {
+    fit.members
+        .iter()
+        .map(|m| model.effect(m).id.into())
+        .collect()
+}
+
 /// Effects of a fit joined by `+`.
 pub(super) fn name(model: &CampaignModel, fit: &Fit) -> String {
-    let names: Vec<&str> = fit.members.iter().map(|m| model.effect(m).id).collect();
+    let names = ids(model, fit);
     if names.is_empty() {
         "none".into()
     } else {

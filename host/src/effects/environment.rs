@@ -111,7 +111,7 @@ pub(super) const EFFECTS: &[Effect] = &[
     Effect {
         id: "hysteresis",
         stage: Stage::Environment,
-        says: "the reading depends on the sense in which the dial came to its mark",
+        says: "the reading depends on the sense in which the dial came to its mark: backlash",
         parameters: &[linear("h_g", 3e-5)],
         action: Action::Adds(|_, s, _, _, changes| {
             on_dial(s, changes, |reading| {

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use csv::ByteRecord;
 
+use super::channels::{Channel, Channels, Clock, Head, Wanted};
 use super::dialect;
 use super::source::Source;
-use super::{Columns, Rows};
+use super::{Columns, Layout, Rows};
 use crate::error::{Error, Place, Problem};
 
 /// Beyond it a number is no temperature, C.
@@ -163,4 +164,77 @@ impl Rows for Table {
     fn line(&self) -> Option<u64> {
         self.source.line(&self.record)
     }
+}
+
+/// Rows of a block.
+const BLOCK: usize = 1 << 14;
+
+/// The columns of a table as channels: NaN where a cell is no number.
+///
+/// # Errors
+/// As of [`Table::open`].
+pub(super) fn channels(file: &Path, wanted: Wanted<'_>) -> Result<Channels, Error> {
+    let layout = Layout::of(&dialect::Dialect::of(file, &[])?);
+    let names = layout.names.iter().filter(|name| !name.is_empty());
+    let heads: Vec<Head> = names
+        .map(|name| Head {
+            name: name.clone(),
+            unit: layout.unit_text(name),
+        })
+        .collect();
+    let kept: Vec<Head> = heads
+        .iter()
+        .filter(|head| wanted.has(&head.name))
+        .cloned()
+        .collect();
+    let columns = Columns {
+        outputs: kept.iter().map(|head| head.name.clone()).collect(),
+        time: layout.time.clone().map(|name| {
+            let units = layout.seconds(&name).unwrap_or(1.0);
+            (name, units)
+        }),
+        temperature: None,
+    };
+    let mut table = Table::open(file, &columns, None)?;
+    let mut ended = false;
+    let mut next = move || {
+        let mut times = Vec::new();
+        let mut values = vec![Vec::new(); kept.len()];
+        while !ended && times.len() < BLOCK {
+            if !table.advance()? {
+                ended = true;
+                break;
+            }
+            times.push(table.time_s().ok().flatten());
+            for (axis, values) in values.iter_mut().enumerate() {
+                values.push(table.output(axis).unwrap_or(f64::NAN));
+            }
+        }
+        if times.is_empty() {
+            return Ok(None);
+        }
+        let times: Option<Vec<f64>> = times.into_iter().collect();
+        let clock = times.map_or(Clock::Order, |times| Clock::Times(times.into()));
+        let channels = kept.iter().zip(values).map(|(head, values)| Channel {
+            name: head.name.clone(),
+            unit: head.unit.clone(),
+            clock: clock.clone(),
+            values,
+        });
+        Ok(Some(channels.collect()))
+    };
+    let mut failed = false;
+    let blocks = std::iter::from_fn(move || {
+        if failed {
+            return None;
+        }
+        let block: Result<Option<Vec<Channel>>, Error> = next();
+        failed = block.is_err();
+        block.transpose()
+    });
+    Ok(Channels {
+        heads,
+        blocks: Box::new(blocks),
+        remark: None,
+    })
 }

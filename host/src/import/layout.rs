@@ -1,6 +1,6 @@
-//! What a table says of its columns: which is time, which are accelerations, in what units.
+//! What a file says of its columns: which is time, which are accelerations, in what units.
 
-use super::{Dialect, Unit, seconds};
+use super::{Channels, Dialect, Unit, seconds};
 
 /// The columns of a table as their names and a row of units tell them.
 #[derive(Clone, Debug)]
@@ -18,9 +18,25 @@ pub struct Layout {
 impl Layout {
     /// Of a table of this dialect.
     pub fn of(dialect: &Dialect) -> Self {
+        Self::new(dialect.names.clone(), dialect.units.clone())
+    }
+
+    /// Of a file of channels.
+    pub fn of_channels(channels: &Channels) -> Self {
+        let heads = channels.heads.iter();
+        let units = heads
+            .clone()
+            .map(|head| head.unit.clone().unwrap_or_default());
+        Self::new(
+            heads.map(|head| head.name.clone()).collect(),
+            units.collect(),
+        )
+    }
+
+    fn new(names: Vec<String>, units: Vec<String>) -> Self {
         let mut layout = Self {
-            names: dialect.names.clone(),
-            units: dialect.units.clone(),
+            names,
+            units,
             time: None,
             outputs: Vec::new(),
         };
@@ -49,6 +65,16 @@ impl Layout {
             .filter(|(_, name)| !name.is_empty());
         let twice = named.find(|(index, name)| self.names[..*index].contains(name));
         twice.map(|(_, name)| name.as_str())
+    }
+
+    /// The unit of a column in the file's own words: of a row of units, or in brackets behind the name.
+    pub fn unit_text(&self, name: &str) -> Option<String> {
+        let stated = self.stated(name).filter(|unit| !unit.is_empty());
+        let bracketed = || {
+            let at = name.rfind(['(', '['])?;
+            name[at + 1..].trim_end().strip_suffix([')', ']'])
+        };
+        stated.or_else(bracketed).map(str::to_owned)
     }
 
     /// Unit of an output.

@@ -1,18 +1,40 @@
 //! Files of other makers, one module a format. What they hold becomes a campaign, or rows that
 //! [`measure`](crate::measure) makes segments of.
 
+mod channels;
+mod cursor;
+mod dataflash;
 pub mod delimited;
 mod dialect;
+mod format;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod layout;
 mod lines;
+mod mat;
+#[cfg(feature = "mcap")]
+mod mcap;
+#[cfg(feature = "parquet")]
+mod parquet;
+#[cfg(feature = "mcap")]
+mod ros;
 mod source;
+mod tdms;
+mod tdms_scale;
+mod uff;
+mod ulog;
 mod unit;
+mod wav;
 pub(crate) mod workbook;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
+pub use channels::{Blocks, Channel, Channels, Clock, Head, Wanted};
 pub(crate) use dialect::iso_time;
 pub use dialect::{Dialect, seconds};
+pub use format::Format;
 pub use layout::Layout;
 pub use lines::MAX_ROW_BYTES;
 pub(crate) use source::Source;
@@ -69,6 +91,11 @@ pub trait Rows {
 
     /// Line of the row in the file, from 1; none if the format has no lines.
     fn line(&self) -> Option<u64>;
+
+    /// What should be known of the file, as that its end is cut off.
+    fn remark(&self) -> Option<&str> {
+        None
+    }
 }
 
 /// Opens `file`, of whatever format; `group` names the column that tells to which group a row belongs.
@@ -76,5 +103,54 @@ pub trait Rows {
 /// # Errors
 /// The file cannot be read, or has no such columns.
 pub fn open(file: &Path, columns: &Columns, group: Option<&str>) -> Result<Box<dyn Rows>, Error> {
-    Ok(Box::new(delimited::Table::open(file, columns, group)?))
+    let Some(format) = format(file)? else {
+        return Ok(Box::new(delimited::Table::open(file, columns, group)?));
+    };
+    if group.is_some() {
+        let problem =
+            "is no table of text: groups of rows are told by a column of such a table alone";
+        return Err(Error::input(file, problem));
+    }
+    let rows = channels::Sampled::open(file, columns, |wanted| format.open(file, wanted))?;
+    Ok(Box::new(rows))
+}
+
+/// The channels of `file`, of whatever format.
+///
+/// # Errors
+/// The file cannot be read, or has no channels.
+pub fn channels(file: &Path, wanted: Wanted<'_>) -> Result<Channels, Error> {
+    match format(file)? {
+        Some(format) => format.open(file, wanted),
+        None => delimited::channels(file, wanted),
+    }
+}
+
+/// Names and units of the columns or channels of `file`; `names` are those that are asked for.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn layout(file: &Path, names: &[&str]) -> Result<Layout, Error> {
+    Ok(match format(file)? {
+        Some(format) => Layout::of_channels(&format.open(file, Wanted::Named(&[]))?),
+        None => Layout::of(&Dialect::of(file, names)?),
+    })
+}
+
+/// Bytes by which a format is told.
+const HEAD: u64 = 1024;
+
+/// The format of a file of channels; none of a table of text or of a workbook.
+///
+/// # Errors
+/// The file cannot be read, or is named as one of a format and does not begin so.
+pub fn format(file: &Path) -> Result<Option<Format>, Error> {
+    let mut head = Vec::new();
+    let source = File::open(file).map_err(Error::read(file))?;
+    let mut source = source.take(HEAD);
+    source.read_to_end(&mut head).map_err(Error::read(file))?;
+    match Format::of(&head) {
+        Some(format) => Ok(Some(format)),
+        None => format::check_name(file).map(|()| None),
+    }
 }

@@ -51,6 +51,18 @@ pub enum Verdict {
     NotAttributable,
 }
 
+impl Verdict {
+    /// Its name, as in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoShift => "no-shift",
+            Self::Shift => "shift",
+            Self::CannotTell => "cannot-tell",
+            Self::NotAttributable => "not-attributable",
+        }
+    }
+}
+
 /// What else than the vibration could shift a mean, or make it wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -193,6 +205,9 @@ pub struct Summary {
     /// Mean temperature, C.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<f64>,
+    /// From its first sample to its last, s; in rows in a record without time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extent_s: Option<[f64; 2]>,
 }
 
 /// A stretch of steady vibration that was found, and its shift against the rests on either side.

@@ -10,8 +10,10 @@ mod doubts;
 mod frames;
 mod motion;
 mod noise;
+mod overview;
 mod plateaus;
 mod quantisation;
+mod runs;
 mod screen;
 mod segment;
 mod selection;
@@ -28,7 +30,9 @@ use shared::slope::{MIN_SAMPLES, SlopeError};
 
 pub use answer::{Axis, Doubt, Kind, Measurement, Outcome, Picture, Plateau, Summary, Verdict};
 pub use motion::{Kind as MotionKind, Motion};
+pub use overview::{ChannelOverview, Drawn, Overview, look};
 pub use quantisation::Quantisation;
+pub use runs::{APART_S, Station, runs};
 pub use segment::{Role, Segment, Spread};
 pub use selection::{Names, Selection, Window};
 
@@ -98,8 +102,7 @@ pub fn measure(file: &Path, request: &Request) -> Result<Measurement, Error> {
                 witnesses: Vec::new(),
                 separate: true,
             };
-            let timed = columns.time.is_some();
-            reduce(file, &scene, &columns.outputs, &request.calibration, timed)?
+            reduce(file, &scene, &columns.outputs, &request.calibration)?
         }
         Some(selection) => of_windows(file, request, selection)?,
         None => plateaus::measure(file, request)?,
@@ -108,11 +111,15 @@ pub fn measure(file: &Path, request: &Request) -> Result<Measurement, Error> {
     Ok(found)
 }
 
-/// Whether `file` is a record of frames and no table: a table has no zero byte at its beginning, and its columns are named.
+/// Whether `file` is a record of frames: no file of another maker's channels, and no table, which has no zero byte at its
+/// beginning, and whose columns are named.
 ///
 /// # Errors
 /// The file cannot be read, or is empty.
 pub fn is_record(file: &Path, columns: &[String]) -> Result<bool, Error> {
+    if crate::import::format(file)?.is_some() {
+        return Ok(false);
+    }
     let mut head = Vec::new();
     let source = File::open(file).map_err(Error::read(file))?;
     let mut source = source.take(SNIFF as u64);
@@ -134,9 +141,8 @@ fn of_frames(file: &Path, source: impl Read, request: &Request) -> Result<Measur
     let (segments, tally, left_out) =
         frames::read(file, source, selection, request.run, &request.calibration)?;
     let scene = scene(&segments);
-    let timed = segments.iter().all(|s| s.interval_s.count > 0);
     let columns = ["instrument".to_owned()];
-    let mut found = reduce(file, &scene, &columns, &request.calibration, timed)?;
+    let mut found = reduce(file, &scene, &columns, &request.calibration)?;
     found.notes.extend(left_out);
     found.record = Some(tally);
     found.axes.iter_mut().flat_map(texts).for_each(|text| {
@@ -156,7 +162,7 @@ fn of_windows(file: &Path, request: &Request, selection: &Selection) -> Result<M
         Selection::Windows { before, during } => before.has(at) || during.has(at),
         Selection::Groups { .. } => false,
     };
-    let survey = table::survey(file, columns, calibration, needed)?;
+    let (survey, remark) = table::survey(file, columns, calibration, needed)?;
     let stretches = survey.stretches().into_iter();
     let rests = stretches.filter(|(kind, _)| *kind == Stretch::Rest);
     let wanted: Vec<Wanted> = rests
@@ -169,14 +175,9 @@ fn of_windows(file: &Path, request: &Request, selection: &Selection) -> Result<M
     // A rest that cannot be read is no witness.
     let segments = table::read_stretches(file, columns, Some(selection), &wanted, calibration)
         .or_else(|_| table::read_stretches(file, columns, Some(selection), &[], calibration))?;
-    let timed = columns.time.is_some();
-    reduce(
-        file,
-        &scene(&segments),
-        &columns.outputs,
-        calibration,
-        timed,
-    )
+    let mut found = reduce(file, &scene(&segments), &columns.outputs, calibration)?;
+    found.notes.extend(remark);
+    Ok(found)
 }
 
 /// Of the segments of one record: a rest that holds the window before stands for it where noise is concerned.
@@ -226,7 +227,6 @@ fn reduce(
     scene: &Scene<'_>,
     columns: &[String],
     calibration: &Calibration,
-    timed: bool,
 ) -> Result<Measurement, Error> {
     for (role, side) in [(Role::Before, &scene.before), (Role::During, &scene.during)] {
         if side.is_empty() {
@@ -246,6 +246,7 @@ fn reduce(
     let axes = columns.iter().enumerate();
     let axes = axes.map(|(index, column)| shift::find(scene, index, column));
     let axes = axes.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+    let timed = segments.iter().all(|s| s.interval_s.count > 0);
     let axes = doubts::judge(axes, scene, calibration, timed);
     let summaries = segments.iter().map(|segment| summary(segment));
     let summaries = summaries.collect::<Result<_, _>>().map_err(failed)?;
@@ -308,6 +309,7 @@ fn summary(segment: &Segment) -> Result<Summary, SlopeError> {
         mean_g,
         rms_g: deviations.map(|c| c.spread.standard_deviation()).collect(),
         temperature_c: (segment.temperature_c.count > 0).then_some(segment.temperature_c.mean),
+        extent_s: segment.extent,
     })
 }
 

@@ -22,7 +22,7 @@ pub(super) fn measure(file: &Path, request: &Request) -> Result<Measurement, Err
         calibration,
         ..
     } = request;
-    let survey = table::survey(file, columns, calibration, |_| true)?;
+    let (survey, remark) = table::survey(file, columns, calibration, |_| true)?;
     let wanted: Vec<Wanted> = survey
         .stretches()
         .into_iter()
@@ -47,12 +47,11 @@ pub(super) fn measure(file: &Path, request: &Request) -> Result<Measurement, Err
     if shaken.is_empty() || rests.is_empty() {
         return Err(Error::input(file, nothing(&rests, &shaken)));
     }
-    let timed = columns.time.is_some();
     let mut plateaus = Vec::new();
-    let mut notes = Vec::new();
+    let mut notes = Vec::from_iter(remark);
     for plateau in &shaken {
         let (scene, against) = scene(plateau, &rests);
-        let found = reduce(file, &scene, &columns.outputs, calibration, timed)?;
+        let found = reduce(file, &scene, &columns.outputs, calibration)?;
         plateaus.extend(plateau_of(plateau, found.axes, against));
         for note in found.notes {
             if !notes.contains(&note) {

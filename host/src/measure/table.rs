@@ -14,13 +14,14 @@ use crate::import::{self, Columns, Rows};
 /// Most groups that can be selected.
 const MAX_GROUPS: usize = 10_000;
 
-/// Surveys all rows; cells that cannot be read are an error only where the row is `needed` at its time.
+/// Surveys all rows; cells that cannot be read are an error only where the row is `needed` at its time. Also what should be
+/// known of the file.
 pub(super) fn survey(
     file: &Path,
     columns: &Columns,
     calibration: &Calibration,
     needed: impl Fn(f64) -> bool,
-) -> Result<Survey, Error> {
+) -> Result<(Survey, Option<String>), Error> {
     let mut rows = import::open(file, columns, None)?;
     let mut survey = Survey::new(columns.outputs.len());
     let mut outputs = vec![0.0; columns.outputs.len()];
@@ -40,7 +41,7 @@ pub(super) fn survey(
     }
     match count {
         0 => Err(Error::input(file, Problem::NoRows)),
-        _ => Ok(survey),
+        _ => Ok((survey, rows.remark().map(str::to_owned))),
     }
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::laboratory_text::{belonging, sessions, shaker};
-use crate::diagnose::answer::{Shrink, Which};
+use crate::diagnose::answer::{Condition, Shrink, Which};
 use crate::diagnose::{Diagnosis, Verdict, WHY_NOT_CARRIED};
 use crate::effects;
 use crate::quantity::{Quantity, significant};
@@ -30,6 +30,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     } else {
         place(&mut out, diagnosis);
         causes(&mut out, diagnosis);
+        likeness(&mut out, diagnosis);
     }
     predictions(&mut out, diagnosis);
     for test in diagnosis.next_tests.iter().take(3) {
@@ -58,12 +59,16 @@ fn sight(out: &mut String, diagnosis: &Diagnosis) {
     };
 }
 
+/// The effect that takes what the reference reads across the drive for the table's.
+const TRANSVERSE: &str = "shaker-transverse";
+
 /// What the user must look at before all else.
 fn to_do(out: &mut String, diagnosis: &Diagnosis) {
     out.push_str(&belonging(&diagnosis.suspects, &diagnosis.noise));
     sessions(out, &diagnosis.sessions);
     if let Some(found) = &diagnosis.shaker {
-        shaker(out, found);
+        let moves = diagnosis.which[0].effects.iter().any(|id| id == TRANSVERSE);
+        shaker(out, found, moves && !diagnosis.verdict.sees_none());
     }
     if !out.is_empty() {
         out.push('\n');
@@ -78,17 +83,7 @@ fn place(out: &mut String, diagnosis: &Diagnosis) {
         .map(|o| format!("{} {:.0} %", o.name, 100.0 * o.share))
         .collect();
     let _ = writeln!(out, "where    {}", shares.join(", "));
-    for condition in location.conditions.iter().take(3) {
-        let _ = writeln!(
-            out,
-            "         {:.0} % of it within {} {:.4} to {:.4} ({} of them)",
-            100.0 * condition.share,
-            condition.factor,
-            condition.low,
-            condition.high,
-            condition.runs.len()
-        );
-    }
+    regions(out, &location.conditions);
     let mut stages = location.stages.clone();
     stages.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     if let Some(stage) = stages.first().filter(|s| s.probability > 0.05) {
@@ -96,6 +91,64 @@ fn place(out: &mut String, diagnosis: &Diagnosis) {
         let percent = 100.0 * stage.probability;
         let _ = writeln!(out, "link     {} ({percent:.0} %)", word.trim_matches('"'));
     }
+}
+
+/// The conditions that hold most of an excess, with their runs or readings.
+fn regions(out: &mut String, conditions: &[Condition]) {
+    for condition in conditions.iter().take(3) {
+        let _ = writeln!(
+            out,
+            "         {:.0} % of it within {} {} to {}: {} {}",
+            100.0 * condition.share,
+            condition.factor,
+            significant(condition.low, 6),
+            significant(condition.high, 6),
+            if condition.of_readings() {
+                "readings"
+            } else {
+                "runs"
+            },
+            ranges(&condition.runs)
+        );
+    }
+}
+
+/// What an unexplained gap is like, and where it is not.
+fn likeness(out: &mut String, diagnosis: &Diagnosis) {
+    let Some(like) = &diagnosis.like else {
+        return;
+    };
+    let _ = writeln!(
+        out,
+        "like     {}, which makes {:.0} % of it, but the fit leaves {:.2} times the stated noise",
+        like.effects.join(" + "),
+        100.0 * like.share_of_gap,
+        like.leaves_rms_over_noise
+    );
+    regions(out, &like.leaves_in);
+}
+
+/// Most ranges of numbers that a line names.
+const RANGES: usize = 6;
+
+/// Numbers as `3, 7, 12-15`, the rest as how many there are.
+fn ranges(numbers: &[u64]) -> String {
+    let mut sorted = numbers.to_vec();
+    sorted.sort_unstable();
+    let followed = |a: &u64, b: &u64| b - a == 1;
+    let chunks: Vec<&[u64]> = sorted.chunk_by(followed).collect();
+    let mut named: Vec<String> = chunks[..chunks.len().min(RANGES)]
+        .iter()
+        .map(|chunk| match chunk {
+            [one] => one.to_string(),
+            [first, .., last] => format!("{first}-{last}"),
+            [] => String::new(),
+        })
+        .collect();
+    if let Some(rest) = chunks.get(RANGES..).filter(|rest| !rest.is_empty()) {
+        named.push(format!("{} more", rest.concat().len()));
+    }
+    named.join(", ")
 }
 
 /// Which effects, with the parameters of the most probable ones.

@@ -74,8 +74,9 @@ pub(super) fn sessions(out: &mut String, sessions: &[SessionEstimate]) {
     }
 }
 
-/// What shaker, reference and peak detector have of their own, a line each.
-pub(super) fn shaker(out: &mut String, found: &ShakerEstimate) {
+/// What shaker, reference and peak detector have of their own, a line each. `moves_across`: the instrument felt that the table
+/// moves across its drive.
+pub(super) fn shaker(out: &mut String, found: &ShakerEstimate, moves_across: bool) {
     let above = |value: Option<f64>, least: f64| value.filter(|value| *value > least);
     if let Some(noise_g) = above(found.reference_noise_g, NOISE_TOLD_G) {
         let _ = writeln!(
@@ -114,9 +115,14 @@ pub(super) fn shaker(out: &mut String, found: &ShakerEstimate) {
         let percent = Quantity::new(100.0 * cross.value, 100.0 * cross.sigma);
         let _ = writeln!(
             out,
-            "the reference's axis {} reads {percent} % of motion along {}: its cross-sensitivity, or motion of the table across its \
-             drive (turn the reference by 180 deg to tell)",
-            cross.axis, cross.along
+            "the reference's axis {} reads {percent} % of motion along {}: {}",
+            cross.axis,
+            cross.along,
+            match moves_across {
+                true => "motion of the table across its drive, which the instrument feels",
+                false =>
+                    "its cross-sensitivity, or motion of the table across its drive (turn the reference by 180 deg to tell)",
+            }
         );
     }
     let off = |estimate: &Estimate| {

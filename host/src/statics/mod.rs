@@ -19,7 +19,7 @@ pub mod readings;
 
 pub use assessment::{Assessment, Conditions, Environment, EnvironmentSigma, assess};
 pub use coefficients::{MEANINGS, NAMES};
-pub use covariance::covariance;
+pub use covariance::{covariance, symmetric};
 pub use goodness::{SUSPICIOUS, p_value, scatter_warning};
 pub use identification::{Identification, Method, identify};
 pub use least_squares::{DEFAULT_PRIOR_SIGMA, fit, fit_determined};
