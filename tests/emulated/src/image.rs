@@ -10,6 +10,9 @@ use crate::part::Model;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
+/// Bytes of flash that an image may take: a quarter of the bank that the code has for itself.
+pub const FLASH_BUDGET: u64 = 256 << 10;
+
 /// Why there is no image.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Error {

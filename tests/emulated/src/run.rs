@@ -357,8 +357,8 @@ impl Drop for Emulator {
     }
 }
 
-/// Where the image's instructions are.
-const CODE: Range<u64> = 0x0800_0000..0x0802_0000;
+/// Where the image's instructions are: as far as its budget of flash goes.
+const CODE: Range<u64> = 0x0800_0000..0x0800_0000 + image::FLASH_BUDGET;
 
 /// What the start-up code paints the stack with.
 const PAINT: u64 = 0xCCCC_CCCC;
