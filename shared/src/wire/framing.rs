@@ -363,7 +363,7 @@ mod tests {
             for byte in &bytes[..end] {
                 sum ^= u32::from(*byte);
                 for _ in 0..8 {
-                    sum = sum >> 1 ^ (sum & 1) * 0xEDB8_8320;
+                    sum = (sum >> 1) ^ ((sum & 1) * 0xEDB8_8320);
                 }
             }
             assert_eq!(by_words(&bytes[..end]), !sum, "{end}");
