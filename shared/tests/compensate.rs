@@ -466,8 +466,8 @@ fn a_block_is_finite_or_says_that_no_specific_force_gives_its_output() {
             for sign in [-1.0f32, 1.0] {
                 let (mut nominal, mut further) = ([0.0f32; NOMINAL], [0.0; FURTHER]);
                 nominal[0] = 0.04;
-                let all = nominal.iter_mut().chain(&mut further);
-                if let Some(one) = all.skip(coefficient).next() {
+                let mut all = nominal.iter_mut().chain(&mut further);
+                if let Some(one) = all.nth(coefficient) {
                     *one = sign * 10f32.powi(exponent);
                 }
                 let calibration = Calibration {
