@@ -8,6 +8,7 @@
 //! not read in time, the next frame brings the older one. The driver then throws away what there is, since
 //! after a gap it cannot be known which conversions they are, goes on with the next one, and says how many were lost.
 
+pub mod batch;
 pub mod bus;
 pub mod count;
 pub mod frame;
@@ -22,6 +23,7 @@ use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiDevice;
 
 use ads131m0x::asynchronous::Ads131m0x;
+use batch::Batch;
 use bus::{FetchError, Fetched, FrameBus, FrameError, HalBus, Through, open};
 use count::{ConversionCount, Timers};
 use frame::{Command, Response};
@@ -155,8 +157,8 @@ const EMPTYING: usize = 16;
 /// Conversion periods without a frame on the bus, in which DRDY falls at least once.
 const QUIET: u32 = 2;
 
-/// How many conversion periods DRDY may stay away.
-const PATIENCE: u32 = 4;
+/// How many conversion periods DRDY may stay away: more than a batch, so that a batch that comes needs no second look.
+const PATIENCE: u32 = batch::ROOM as u32 + 4;
 
 /// Time from reset to the first frame, over the 5 microseconds of t_REGACQ.
 const REGISTERS_READY_US: u32 = 10;
@@ -356,6 +358,24 @@ impl<BUS: FrameBus, RESET: OutputPin> Ads131m04<BUS, RESET> {
             1 if !self.astray => self.read(&fetched).await,
             passed => self.catch_up(passed).await,
         }
+    }
+
+    /// The next conversion and those that were fetched with it, as far as nothing has to be judged between them.
+    ///
+    /// # Errors
+    /// As [`Self::next`]; the batch is empty then, and conversions that were fetched before the one that fails have been
+    /// given.
+    pub async fn next_batch(&mut self, batch: &mut Batch) -> Result<(), Error> {
+        batch.clear();
+        batch.begin(&self.next().await?);
+        let judged = self.behind || self.astray || self.fresh.is_some();
+        if !judged {
+            let Self { bus, count, .. } = self;
+            bus.drain(|edge, codes| {
+                !batch.is_full() && count.is_next(edge) && batch.push(edge.time_us, codes)
+            });
+        }
+        Ok(())
     }
 
     /// Several conversions wait, or one that made no edge, or DRDY is low for no reason. Throws away what there is, since

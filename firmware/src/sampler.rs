@@ -10,9 +10,10 @@ use shared::moments::Accumulator;
 use shared::wire::board::{BlockConditions, Pulse};
 use shared::wire::message::{Block, CHANNELS, CompensatedBlock, Fault, Moments, Segment, State};
 
+use crate::adc::batch::Batch;
 use crate::adc::bus::FrameBus;
 use crate::adc::registers::Config;
-use crate::adc::{self, Ads131m04, Conversion, Reset};
+use crate::adc::{self, Ads131m04, Reset};
 use crate::link::{AcquisitionEnd, Action, Counters, RawSamples, Report};
 
 /// Conversions lost to unreadable frames in a row after which the bus is put in order and the converter set up anew: 4 ms
@@ -167,39 +168,55 @@ impl<'q> Sampler<'q> {
         self.accumulator = Accumulator::new(zero);
     }
 
-    /// Takes a conversion; those between it and the one before were lost.
+    /// Takes conversions; those between them and the ones before were lost.
     #[inline]
-    pub fn take(&mut self, conversion: &Conversion) {
+    pub fn take(&mut self, batch: &Batch) {
         self.troubles.clear();
-        self.reach(conversion.index);
-        self.next = conversion.index.saturating_add(1);
-        self.samples += 1;
-        if self.count == 0 {
-            self.first_us = conversion.time_us;
+        self.reach(batch.first());
+        let (mut codes, mut at) = (batch.codes(), 0);
+        while !codes.is_empty() {
+            let open = self.count.saturating_add(self.lost);
+            let room = self.block_samples.saturating_sub(open).max(1) as usize;
+            let (now, later) = codes.split_at(room.min(codes.len()));
+            if self.count == 0 {
+                self.first_us = batch.time_us(at);
+            }
+            at += now.len();
+            self.last_us = batch.time_us(at - 1);
+            self.take_of_block(now);
+            codes = later;
         }
-        self.last_us = conversion.time_us;
-        self.count += 1;
-        // A block is far shorter than what an accumulator holds.
-        let _ = self.accumulator.push(conversion.codes);
-        if let Some(compensator) = &self.compensator {
-            self.compensation.push(compensator, conversion.codes);
-        }
+    }
+
+    /// Takes conversions of the open block, and closes it when it is full.
+    fn take_of_block(&mut self, codes: &[[i32; CHANNELS]]) {
         if self.streaming {
-            self.stream(conversion);
+            self.stream(codes);
+        }
+        let count = codes.len() as u32;
+        self.next = self.next.saturating_add(u64::from(count));
+        self.samples += u64::from(count);
+        self.count += count;
+        // A block is far shorter than what an accumulator holds.
+        let _ = self.accumulator.extend(codes);
+        if let Some(compensator) = &self.compensator {
+            self.compensation.extend(compensator, codes);
         }
         if self.count.saturating_add(self.lost) >= self.block_samples {
             self.close_block();
         }
     }
 
-    fn stream(&mut self, conversion: &Conversion) {
+    fn stream(&mut self, codes: &[[i32; CHANNELS]]) {
         let segment = self.segment;
-        let raw = self
-            .raw
-            .get_or_insert_with(|| RawSamples::new(segment, conversion.index));
-        raw.push(&conversion.codes);
-        if raw.is_full() {
-            self.close_raw();
+        for (index, codes) in (self.next..).zip(codes) {
+            let raw = self
+                .raw
+                .get_or_insert_with(|| RawSamples::new(segment, index));
+            raw.push(codes);
+            if raw.is_full() {
+                self.close_raw();
+            }
         }
     }
 
@@ -366,12 +383,13 @@ impl<'q> Sampler<'q> {
 pub struct Acquisition<'q, BUS, RESET> {
     converter: Ads131m04<BUS, RESET>,
     sampler: Sampler<'q>,
+    batch: Batch,
     reset: Reset,
     ready: bool,
     started: bool,
     /// Frames in a row that could not be read.
     unreadable: u8,
-    /// Steps since orders were last looked for.
+    /// Conversions since orders were last looked for.
     unasked: u8,
 }
 
@@ -391,6 +409,7 @@ impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
         Self {
             converter,
             sampler,
+            batch: Batch::default(),
             reset,
             ready: false,
             started: false,
@@ -399,12 +418,11 @@ impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
         }
     }
 
-    /// Carries out what was ordered, then waits for one conversion or one failure. Takes no longer
+    /// Carries out what was ordered, then waits for conversions or one failure. Takes no longer
     /// than the converter's patience, so that orders are heard whatever the converter does. Call it for ever.
     pub async fn step(&mut self) {
-        self.unasked = self.unasked.saturating_add(1);
         // What was converted before an order came does not belong to what it begins.
-        if !self.converter.has_fetched() || self.unasked > FETCHED_AHEAD {
+        if !self.converter.has_fetched() || self.unasked >= FETCHED_AHEAD {
             self.unasked = 0;
             let conversions = self.converter.conversions();
             let Self {
@@ -415,10 +433,12 @@ impl<'q, BUS: FrameBus, RESET: OutputPin> Acquisition<'q, BUS, RESET> {
         if !self.ready {
             return self.set_up().await;
         }
-        match self.converter.next().await {
-            Ok(conversion) => {
+        match self.converter.next_batch(&mut self.batch).await {
+            Ok(()) => {
                 self.unreadable = 0;
-                self.sampler.take(&conversion);
+                let count = self.batch.codes().len();
+                self.unasked = self.unasked.saturating_add(count as u8);
+                self.sampler.take(&self.batch);
             }
             Err(error) => {
                 self.sampler.fail(error, self.converter.conversions());

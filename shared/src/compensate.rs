@@ -71,7 +71,8 @@ impl Quality {
     /// The vibration's mean-square frequency is above the band for which the compensation is claimed. Two or three periods
     /// in a block tell that frequency to some 5 %.
     pub const OUT_OF_BAND: u8 = 1 << 4;
-    /// Newton's method did not settle: no specific force gives this output.
+    /// No specific force gives this output: Newton's method did not settle, or a figure is beyond all numbers. The output is
+    /// then the mean over the scale factor, of unknown uncertainty.
     pub const NO_SOLUTION: u8 = 1 << 5;
     /// It is colder or warmer than the coefficients were determined for.
     pub const TEMPERATURE: u8 = 1 << 6;
@@ -142,6 +143,19 @@ pub struct Compensated<T> {
     pub sigma_g: T,
     /// What this is worth.
     pub quality: Quality,
+}
+
+impl<T: Real> Compensated<T> {
+    /// With nothing taken out of the output, of unknown uncertainty.
+    fn plain(output_g: f64, quality: u8) -> Self {
+        Self {
+            specific_force_g: output_g,
+            vre_g: T::zero(),
+            vre_sigma_g: T::infinity(),
+            sigma_g: T::infinity(),
+            quality: Quality(quality),
+        }
+    }
 }
 
 /// What a block is measured under, as far as somebody knows.
@@ -307,13 +321,7 @@ impl<T: Real> Compensator<T> {
         let output_g = moments.sum()[0] as f64 / moments.count() as f64 * self.g_per_code;
         let mean_g = T::lit(output_g);
         let Some(calibration) = &self.calibration else {
-            return Compensated {
-                specific_force_g: output_g,
-                vre_g: T::zero(),
-                vre_sigma_g: T::infinity(),
-                sigma_g: T::infinity(),
-                quality: Quality(quality | Quality::COEFFICIENTS_MISSING),
-            };
+            return Compensated::plain(output_g, quality | Quality::COEFFICIENTS_MISSING);
         };
         if usize::from(calibration.rank) < NOMINAL {
             quality |= Quality::PLAN_BLIND;
@@ -358,16 +366,27 @@ impl<T: Real> Compensator<T> {
         if self.mode == Mode::Pointwise && !lost {
             removed_g = state.removed_g / T::from_i64(moments.count() as i64);
         }
-        let variance_g2 = sensitivity
-            .variance_with_further_g2(&calibration.covariance)
-            .max(T::zero());
+        let variance_g2 = sensitivity.variance_with_further_g2(&calibration.covariance);
+        // Rounding makes a small one negative; what is no number stays so.
+        let variance_g2 = if variance_g2 < T::zero() {
+            T::zero()
+        } else {
+            variance_g2
+        };
         let full_scale_g = T::lit(self.g_per_code * f64::from(FULL_SCALE));
         let stated_g2 = self.errors.variance_g2(a.i, away_k, full_scale_g);
+        let sigma_g = (variance_g2 + stated_g2).sqrt();
+        if !(removed_g.is_finite() && vre_g.is_finite() && sigma_g.is_finite()) {
+            quality |= Quality::NO_SOLUTION;
+        }
+        if quality & Quality::NO_SOLUTION != 0 {
+            return Compensated::plain(output_g, quality);
+        }
         Compensated {
             specific_force_g: output_g - removed_g.to_f64(),
             vre_g,
             vre_sigma_g: variance_g2.sqrt(),
-            sigma_g: (variance_g2 + stated_g2).sqrt(),
+            sigma_g,
             quality: Quality(quality),
         }
     }
@@ -456,8 +475,6 @@ impl<T: Real> Compensator<T> {
 pub struct CompensatorState<T> {
     /// Of the instrument and the reference's I.
     gathered: [Gathered; 2],
-    /// False before a sample that wants more than gathering: the first after a gap, and all point by point.
-    plain: bool,
     /// False before the first sample after a gap, to which no step leads.
     continues: bool,
     /// How many such samples there were.
@@ -527,6 +544,14 @@ impl Gathered {
         self.below += u32::from(sharpened < 0);
     }
 
+    /// Takes codes one after the other, the sums in registers.
+    #[inline]
+    fn extend(&mut self, codes: impl Iterator<Item = i32>, zero: i32) {
+        let mut gathered = *self;
+        codes.for_each(|code| gathered.push(code, zero));
+        *self = gathered;
+    }
+
     fn next_block(&mut self) {
         *self = Self {
             last: self.last,
@@ -550,39 +575,33 @@ impl<T: Real> CompensatorState<T> {
         Self::default()
     }
 
-    /// Takes one sample of four codes.
-    #[inline]
-    pub fn push(&mut self, compensator: &Compensator<T>, codes: [i32; CHANNELS]) {
-        if !self.plain {
-            self.push_more(compensator, codes);
-        }
-        let [instrument, reference] = &mut self.gathered;
-        instrument.push(codes[0], compensator.zero[0]);
-        reference.push(codes[1], compensator.zero[1]);
-    }
-
-    /// What a sample wants beside gathering.
-    fn push_more(&mut self, compensator: &Compensator<T>, codes: [i32; CHANNELS]) {
+    /// Takes samples of four codes, one after the other.
+    pub fn extend(&mut self, compensator: &Compensator<T>, samples: &[[i32; CHANNELS]]) {
+        let Some(first) = samples.first() else {
+            return;
+        };
         if !self.continues {
             self.continues = true;
             self.first += 1;
             // As if it had stood still.
-            for (gathered, code) in self.gathered.iter_mut().zip(codes) {
-                (gathered.last, gathered.step) = (code, 0);
+            for (gathered, code) in self.gathered.iter_mut().zip(first) {
+                (gathered.last, gathered.step) = (*code, 0);
             }
         }
-        match compensator.mode {
-            Mode::Block => self.plain = true,
-            Mode::Pointwise => {
-                let bend = self.course.bend(codes);
-                self.removed_g += compensator.removed_g(codes, bend);
+        if compensator.mode == Mode::Pointwise {
+            for sample in samples {
+                let bend = self.course.bend(*sample);
+                self.removed_g += compensator.removed_g(*sample, bend);
             }
         }
+        let [instrument, reference] = &mut self.gathered;
+        instrument.extend(samples.iter().map(|s| s[0]), compensator.zero[0]);
+        reference.extend(samples.iter().map(|s| s[1]), compensator.zero[1]);
     }
 
     /// Forgets the last samples: what follows comes after a gap.
     pub fn interrupt(&mut self) {
-        (self.plain, self.continues) = (false, false);
+        self.continues = false;
         self.course.samples = 0;
     }
 

@@ -25,6 +25,9 @@ pub use crate::channels::CHANNELS;
 /// Samples gathered about one origin; up to 128 differences of 24-bit codes fit an `i32`.
 pub const SUB_BLOCK: usize = 64;
 
+/// Samples that [`Accumulator::extend`] takes at once, channel by channel, so that a channel's sums stay in registers.
+const RUN: usize = 16;
+
 /// The most samples that one [`Moments`] holds (12 days at 32 kSPS); integer sums stay below 2^60.
 pub const MAX_SAMPLES: u64 = 1 << 35;
 
@@ -288,7 +291,7 @@ impl<T: Real> Moments<T> {
     }
 }
 
-/// Gathers [`Moments`] sample by sample or slice by slice; constant memory, no division per sample.
+/// Gathers [`Moments`] slice by slice; constant memory, no division per sample.
 ///
 /// Codes are cut to their low 24 bits with sign, as on the converter's bus, so no integer can
 /// overflow whatever comes in.
@@ -315,34 +318,27 @@ impl<T: Real> Accumulator<T> {
         self.closed.map_or(0, |m| m.count) + u64::from(self.sums.count.unsigned_abs())
     }
 
-    /// Takes one sample.
+    /// Takes samples. In how many pieces they come changes not one bit.
     ///
     /// # Errors
     /// [`MomentsError::TooLong`] if the block is full; the last [`SUB_BLOCK`] samples are dropped.
-    #[inline]
-    pub fn push(&mut self, sample: [i32; CHANNELS]) -> Result<(), MomentsError> {
-        let [a, b, c, d] = sample;
-        let sample = [code24(a), code24(b), code24(c), code24(d)];
-        self.sums.push(sample, &self.zero);
-        if self.sums.count < SUB_BLOCK as i32 {
-            Ok(())
-        } else {
-            self.flush()
+    pub fn extend(&mut self, mut samples: &[[i32; CHANNELS]]) -> Result<(), MomentsError> {
+        while !samples.is_empty() {
+            let room = SUB_BLOCK - self.sums.count.unsigned_abs() as usize;
+            let (now, later) = samples.split_at(room.min(RUN).min(samples.len()));
+            self.sums.extend(now, &self.zero);
+            samples = later;
+            if now.len() == room {
+                self.flush()?;
+            }
         }
-    }
-
-    /// Takes many samples.
-    ///
-    /// # Errors
-    /// As for [`Self::push`].
-    pub fn extend(&mut self, samples: &[[i32; CHANNELS]]) -> Result<(), MomentsError> {
-        samples.iter().try_for_each(|&sample| self.push(sample))
+        Ok(())
     }
 
     /// The moments since the block began, `None` if there was no sample; a new block begins.
     ///
     /// # Errors
-    /// As for [`Self::push`].
+    /// As for [`Self::extend`].
     pub fn close(&mut self) -> Result<Option<Moments<T>>, MomentsError> {
         self.flush()?;
         Ok(self.closed.take())
@@ -361,16 +357,6 @@ impl<T: Real> Accumulator<T> {
             }
         }
     }
-}
-
-/// The four channels one after the other, written out: the instrument's compiler, which is told to save space, would
-/// make a loop of it at twice the instructions.
-#[inline(always)]
-fn each_channel(mut what: impl FnMut(usize)) {
-    what(0);
-    what(1);
-    what(2);
-    what(3);
 }
 
 /// The low 24 bits with their sign.
@@ -411,31 +397,56 @@ impl<T: Real> Sums<T> {
         }
     }
 
-    /// Takes a sample; the first becomes the origin.
-    #[inline]
-    fn push(&mut self, sample: [i32; CHANNELS], zero: &[i32; CHANNELS]) {
-        if self.count == 0 {
-            self.origin = sample;
+    /// Takes at most [`RUN`] samples, channel by channel and then pair by pair; the very first becomes the origin.
+    fn extend(&mut self, samples: &[[i32; CHANNELS]], zero: &[i32; CHANNELS]) {
+        if let (0, Some(first)) = (self.count, samples.first()) {
+            self.origin = first.map(code24);
         }
-        self.count += 1;
-        let mut d = [T::zero(); CHANNELS];
-        each_channel(|k| {
-            let difference = sample[k] - self.origin[k];
-            self.first[k] += difference;
-            self.below[k] += (sample[k] - zero[k]).min(0);
-            self.min[k] = self.min[k].min(sample[k]);
-            self.max[k] = self.max[k].max(sample[k]);
-            d[k] = T::from_i64(i64::from(difference));
-        });
-        each_channel(|k| {
-            let square = d[k] * d[k];
-            self.powers[0][k] += square;
-            self.powers[1][k] += square * d[k];
-            self.powers[2][k] += square * square;
-            self.ring[k] += d[k] * d[(k + 1) % CHANNELS];
-        });
-        self.opposite[0] += d[0] * d[2];
-        self.opposite[1] += d[1] * d[3];
+        self.count += samples.len() as i32;
+        let mut d = [[T::zero(); RUN]; CHANNELS];
+        for k in 0..CHANNELS {
+            self.extend_channel(k, samples, zero[k], &mut d[k]);
+        }
+        let [a, b, c, e] = d.each_ref().map(|d| &d[..samples.len().min(RUN)]);
+        for (sum, (x, y)) in self.ring.iter_mut().zip([(a, b), (b, c), (c, e), (e, a)]) {
+            add_products(sum, x, y);
+        }
+        for (sum, (x, y)) in self.opposite.iter_mut().zip([(a, c), (b, e)]) {
+            add_products(sum, x, y);
+        }
+    }
+
+    /// Takes one channel of the samples; gives their differences from the origin.
+    #[inline(always)]
+    fn extend_channel(
+        &mut self,
+        k: usize,
+        samples: &[[i32; CHANNELS]],
+        zero: i32,
+        differences: &mut [T; RUN],
+    ) {
+        let origin = self.origin[k];
+        let (mut first, mut below) = (self.first[k], self.below[k]);
+        let (mut min, mut max) = (self.min[k], self.max[k]);
+        let [mut second, mut third, mut fourth] = self.powers.each_ref().map(|power| power[k]);
+        for (sample, d) in samples.iter().zip(differences) {
+            let code = code24(sample[k]);
+            let difference = code - origin;
+            first += difference;
+            below += (code - zero).min(0);
+            min = min.min(code);
+            max = max.max(code);
+            *d = T::from_i64(i64::from(difference));
+            let square = *d * *d;
+            second += square;
+            third += square * *d;
+            fourth += square * square;
+        }
+        (self.first[k], self.below[k]) = (first, below);
+        (self.min[k], self.max[k]) = (min, max);
+        for (power, sum) in self.powers.iter_mut().zip([second, third, fourth]) {
+            power[k] = sum;
+        }
     }
 
     /// Central moments of what was gathered, `None` if nothing was.
@@ -475,4 +486,14 @@ impl<T: Real> Sums<T> {
         }
         Some(moments)
     }
+}
+
+/// Adds the products of two channels.
+#[inline(always)]
+fn add_products<T: Real>(sum: &mut T, x: &[T], y: &[T]) {
+    let mut all = *sum;
+    for (x, y) in x.iter().zip(y) {
+        all += *x * *y;
+    }
+    *sum = all;
 }

@@ -80,12 +80,6 @@ impl<T: Real> Covariance<T> {
     pub fn narrow(&self) -> Covariance<f32> {
         Covariance(self.0.map(|piece| piece.map(|c| c.to_f64() as f32)))
     }
-
-    /// True when all is finite and no variance negative.
-    pub fn is_possible(&self) -> bool {
-        let mut all = self.0.as_flattened().iter();
-        all.all(|c| c.is_finite()) && (0..RECTIFYING).all(|k| self.get(k, k) >= T::zero())
-    }
 }
 
 /// Derivatives of the vibration error (g) by the coefficients of the output model.

@@ -21,21 +21,6 @@ pub struct StatedErrors<T> {
 }
 
 impl<T: Real> StatedErrors<T> {
-    fn all(&self) -> [T; 5] {
-        [
-            self.scale_factor_per_k,
-            self.scale_factor_drift,
-            self.bias_g_per_k,
-            self.bias_drift_g,
-            self.converter_nonlinearity,
-        ]
-    }
-
-    /// True when every figure can be.
-    pub fn is_possible(&self) -> bool {
-        self.all().iter().all(|s| s.is_finite() && *s >= T::zero())
-    }
-
     /// True when it matters how warm it is.
     pub fn depends_on_temperature(&self) -> bool {
         self.scale_factor_per_k > T::zero() || self.bias_g_per_k > T::zero()

@@ -174,8 +174,8 @@ fn compensate(compensator: &Compensator<f32>, codes: &[[i32; 4]]) -> Vec<Compens
     let mut accumulator = Accumulator::<f32>::new(compensator.zero());
     let block = |codes: &[[i32; 4]]| {
         for &sample in codes {
-            accumulator.push(sample).expect("short");
-            state.push(compensator, sample);
+            accumulator.extend(&[sample]).expect("short");
+            state.extend(compensator, &[sample]);
         }
         let moments = accumulator.close().expect("short").expect("not empty");
         state.close(compensator, &moments)
@@ -451,4 +451,69 @@ fn blocks_that_deserve_no_trust_say_why() {
         compensate(&blind, &codes)[1].quality,
         Quality(Quality::PLAN_BLIND)
     );
+}
+
+#[test]
+fn a_block_is_finite_or_says_that_no_specific_force_gives_its_output() {
+    let (codes, _) = simulate(
+        &instrument(),
+        SpecificForce::new(0.2, 0.9, 0.1),
+        &sine(1.0, 100.0),
+    );
+    let (mut flagged, mut sound) = (0, 0);
+    for mode in [Mode::Block, Mode::Pointwise] {
+        for (coefficient, exponent) in (1..16).flat_map(|c| (-6..39).map(move |e| (c, e))) {
+            for sign in [-1.0f32, 1.0] {
+                let (mut nominal, mut further) = ([0.0f32; NOMINAL], [0.0; FURTHER]);
+                nominal[0] = 0.04;
+                let mut all = nominal.iter_mut().chain(&mut further);
+                if let Some(one) = all.nth(coefficient) {
+                    *one = sign * 10f32.powi(exponent);
+                }
+                let calibration = Calibration {
+                    coefficients: Coefficients::from_nominal(nominal).with_further(further),
+                    covariance: Covariance::from_fn(|j, k| if j == k { 1e-12 } else { 0.0 }),
+                    rank: NOMINAL as u8,
+                };
+                let with = Compensator::new(Some(calibration), scaling(), Source::Reference, mode);
+                for block in compensate(&with, &codes) {
+                    let no_solution = block.quality.has(Quality::NO_SOLUTION);
+                    let figures = [block.vre_g, block.vre_sigma_g, block.sigma_g];
+                    let finite = figures.iter().all(|x| x.is_finite());
+                    assert!(block.specific_force_g.is_finite(), "{mode:?} {block:?}");
+                    assert!(finite || no_solution, "{mode:?} {block:?}");
+                    flagged += u32::from(no_solution);
+                    sound += u32::from(block.quality.is_sound());
+                }
+            }
+        }
+    }
+    // The sweep holds both kinds.
+    assert!(flagged > 1000 && sound > 1000, "{flagged} {sound}");
+}
+
+#[test]
+fn in_how_many_pieces_samples_come_changes_not_one_bit() {
+    let (codes, _) = simulate(
+        &instrument(),
+        SpecificForce::new(0.2, 0.9, 0.1),
+        &sine(1.0, 100.0),
+    );
+    for mode in [Mode::Block, Mode::Pointwise] {
+        let with = compensator(&instrument(), Source::Reference, mode);
+        let gather = |piece: usize| {
+            let mut accumulator = Accumulator::<f32>::new(with.zero());
+            let mut state = CompensatorState::new();
+            for samples in codes[..5 * BLOCK].chunks(piece) {
+                accumulator.extend(samples).expect("short");
+                state.extend(&with, samples);
+            }
+            let moments = accumulator.close().expect("short").expect("samples");
+            (moments, state.close(&with, &moments))
+        };
+        let whole = gather(5 * BLOCK);
+        for piece in [1, 2, 3, 7, 8, 9, 64, 65] {
+            assert_eq!(gather(piece), whole, "{mode:?} {piece}");
+        }
+    }
 }

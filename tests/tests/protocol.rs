@@ -2,6 +2,7 @@
 //! does not fit on the line is counted exactly.
 
 use firmware::adc::Conversion;
+use firmware::adc::batch::Batch;
 use firmware::app::{App, Keep};
 use firmware::link::{MAX_ORDERS, Queues, RAW_SAMPLES};
 use firmware::sampler::{Around, Sampler};
@@ -102,11 +103,11 @@ impl<'q> Instrument<'q> {
             self.obey();
             let index = self.next;
             self.next += 1;
-            self.sampler.take(&Conversion {
+            self.sampler.take(&Batch::new(&Conversion {
                 index,
                 time_us: 250 * index,
                 codes: codes(index),
-            });
+            }));
         }
     }
 
@@ -299,6 +300,8 @@ fn parameters_out_of_range_are_named() {
     wrong.nominal[4] = f64::NAN;
     let mut negative = coefficients();
     negative.nominal[0] = -0.1;
+    let mut huge = coefficients();
+    huge.nominal[3] = 1e27;
     for (command, parameter) in [
         (
             Command::StartPosition(Position {
@@ -316,6 +319,7 @@ fn parameters_out_of_range_are_named() {
         ),
         (Command::SetCoefficients(wrong), Parameter::Coefficients),
         (Command::SetCoefficients(negative), Parameter::Coefficients),
+        (Command::SetCoefficients(huge), Parameter::Coefficients),
     ] {
         let said = instrument.ask(command);
         assert_eq!(said, [instrument.refused(Refusal::Parameter(parameter))]);
@@ -437,7 +441,7 @@ fn a_configuration_holds_from_the_next_sample_on_is_kept_and_is_read_back() {
 fn a_configuration_that_cannot_be_is_refused_and_changes_nothing() {
     let mut queues = Queues::new();
     let mut instrument = Instrument::greeted(&mut queues);
-    let spoilt: [fn(&mut Configuration, &mut Calibration); 9] = [
+    let spoilt: [fn(&mut Configuration, &mut Calibration); 15] = [
         |c, _| c.compensation.block_samples = 3,
         |c, _| c.compensation.nominal_v_per_g = 0.0,
         |c, _| c.compensation.reference_v_per_g[1] = 0.0,
@@ -448,6 +452,14 @@ fn a_configuration_that_cannot_be_is_refused_and_changes_nothing() {
         |_, k| k.covariance = Covariance::from_fn(|_, _| -1.0),
         |_, k| k.coefficients.nominal[0] = 0.0,
         |_, k| k.coefficients.further[4] = f64::NAN,
+        // Finite, and of no instrument.
+        |_, k| k.coefficients.nominal[3] = 1e27,
+        |_, k| k.coefficients.nominal[0] = 1e-300,
+        |c, _| c.compensation.nominal_v_per_g = 1e30,
+        |c, _| c.compensation.reference_v_per_g[0] = 1e-30,
+        |_, k| k.covariance = Covariance::from_fn(|j, k| if j == k { 1e30 } else { 0.0 }),
+        // More than two variances allow.
+        |_, k| k.covariance = Covariance::from_fn(|j, k| if j == k { 1e-12 } else { 2e-12 }),
     ];
     for spoil in spoilt {
         let mut wrong = configuration();

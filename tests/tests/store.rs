@@ -20,7 +20,7 @@ type Content = Option<Certified>;
 
 /// A configuration that differs from those of other numbers in every part; every seventh has no calibration.
 fn configuration(n: u32) -> Certified {
-    let x = f64::from(n + 1);
+    let x = f64::from(n + 1) / 4.0;
     let configuration = Configuration {
         compensation: Compensation {
             mode: [None, Some(Mode::Block), Some(Mode::Pointwise)][n as usize % 3],
@@ -35,7 +35,13 @@ fn configuration(n: u32) -> Certified {
                 nominal: std::array::from_fn(|k| x / (k + 1) as f64),
                 further: std::array::from_fn(|k| -x / (k + 1) as f64),
             },
-            covariance: Covariance::from_fn(|j, k| (n as usize + j + k) as f32),
+            covariance: Covariance::from_fn(|j, k| {
+                if j == k {
+                    (n as usize + j + 1) as f32
+                } else {
+                    (j + k) as f32 / 64.0
+                }
+            }),
             rank: 11,
         }),
     };
@@ -43,7 +49,7 @@ fn configuration(n: u32) -> Certified {
         configuration,
         provenance: (!n.is_multiple_of(3)).then(|| provenance(n)),
         errors: StatedErrors {
-            scale_factor_drift: n as f32,
+            scale_factor_drift: n as f32 / 2048.0,
             ..StatedErrors::default()
         },
     }
@@ -58,7 +64,7 @@ fn provenance(n: u32) -> Provenance {
             day: 1 + (n % 28) as u8,
         },
         campaign: [n as u8; 32],
-        temperature_c: Some([-40.0, n as f32]),
+        temperature_c: Some([-40.0, n as f32 / 10.0]),
         accepted_by: Some([1, 2, n as u8]),
     }
 }

@@ -45,7 +45,7 @@ pub enum FrameError {
 #[inline]
 pub fn open(frame: Result<[u8; FRAME], SpiError>) -> Result<Response, FrameError> {
     match frame {
-        Ok(frame) => frame::decode(&frame).map_err(FrameError::Checksum),
+        Ok(frame) => frame::decode(frame::words(&frame)).map_err(FrameError::Checksum),
         Err(error) => Err(FrameError::Spi(error)),
     }
 }
@@ -74,6 +74,10 @@ pub trait FrameBus: Timers {
     /// # Errors
     /// [`FetchError`]; a timeout after `patience_us` without any conversion.
     async fn fetch(&mut self, patience_us: u32, ahead: bool) -> Result<Fetched, FetchError>;
+
+    /// Takes the sound conversions that were fetched ahead, in order, as far as `take` takes them: the edge of each and its
+    /// codes. Where it refuses one, or one is not sound, [`Self::fetch`] gives it.
+    fn drain(&mut self, take: impl FnMut(Edge, [i32; frame::CHANNELS]) -> bool);
 
     /// True while a conversion that was fetched ahead waits for [`Self::fetch`].
     fn has_fetched(&self) -> bool;
@@ -136,6 +140,8 @@ where
             response: open(self.exchange(&NULL).await),
         })
     }
+
+    fn drain(&mut self, _: impl FnMut(Edge, [i32; frame::CHANNELS]) -> bool) {}
 
     fn has_fetched(&self) -> bool {
         false

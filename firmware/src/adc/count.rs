@@ -36,6 +36,9 @@ const FRACTION: u32 = 16;
 const PHASE_SHIFT: u32 = 4;
 const PERIOD_SHIFT: u32 = 10;
 
+/// The longest period that is followed in 32 bits: 8 ms, the converter's slowest at its nominal clock is 4.
+const LONGEST: i64 = 8000 << FRACTION;
+
 /// The shortest conversion period that is believed, as a share of 1/100 of that at the fastest clock that the data sheet
 /// allows: 1 % for a board on its internal oscillator, 1 % for reading the edges in whole microseconds.
 const SHORTEST_PERCENT: i64 = 98;
@@ -130,6 +133,26 @@ impl ConversionCount {
         self.beat = now;
     }
 
+    /// Moves the index on by one if this edge is one period after the last; false, and nothing changes, if it is not, or if a
+    /// period is longer than [`LONGEST`]. In 32 bits, since it is asked at each conversion.
+    #[inline]
+    pub fn is_next(&mut self, last: Edge) -> bool {
+        let elapsed = fixed(last.time_us).wrapping_sub(self.beat);
+        if last.count == self.edges || self.period > LONGEST || !(0..2 * LONGEST).contains(&elapsed)
+        {
+            return false;
+        }
+        let (period, late) = (self.period as i32, elapsed as i32 - self.period as i32);
+        if late + late < -period || late + late >= period {
+            return false;
+        }
+        self.edges = last.count;
+        self.beat += i64::from(period + (late >> PHASE_SHIFT));
+        self.period += i64::from(late >> PERIOD_SHIFT);
+        self.index = self.index.saturating_add(1);
+        true
+    }
+
     /// Moves the index on to the last edge, and returns by how many conversions: none without a new edge, or if it came
     /// too early to be one.
     #[inline]
@@ -170,4 +193,40 @@ impl ConversionCount {
 /// Wraps after four years.
 fn fixed(time_us: u64) -> i64 {
     (time_us << FRACTION) as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_followed_edge_by_edge_in_32_bits_is_what_is_accounted_for() {
+        let mut one = ConversionCount::new(&Config::default());
+        let begin = Edge {
+            count: 7,
+            time_us: 1 << 40,
+        };
+        one.begin(begin);
+        let mut other = one.clone();
+        let mut edge = begin;
+        for n in 0..10_000u64 {
+            edge.count += 1;
+            // A beat that is fast and jitters, and sometimes an edge that is missing or too much.
+            edge.time_us += match n % 997 {
+                500 => 510,
+                900 => 60,
+                _ => 249 + n * 7 % 3,
+            };
+            let before = other.clone();
+            let next = one.is_next(edge);
+            if !next {
+                assert_eq!((one.beat, one.index), (before.beat, before.index));
+                one.account(edge);
+            }
+            let passed = other.account(edge);
+            assert_eq!(next, passed == 1, "{n}");
+            let state = |c: &ConversionCount| (c.beat, c.period, c.index, c.edges);
+            assert_eq!(state(&one), state(&other), "{n}");
+        }
+    }
 }

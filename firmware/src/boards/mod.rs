@@ -13,18 +13,26 @@ use embassy_stm32::gpio::{Input, Output};
 use firmware::sampler::Around;
 use shared::wire::board::TimeBase;
 
+pub mod conveyor;
+pub mod drdy;
+pub mod receiver;
+
 #[cfg(feature = "nucleo-f429zi")]
 #[path = "nucleo_f429zi/mod.rs"]
+pub mod board;
+
+#[cfg(feature = "nucleo-h743zi2")]
+#[path = "nucleo_h743zi2/mod.rs"]
 pub mod board;
 
 /// A board that has started, but for its memory.
 pub struct Parts {
     /// The converter's bus.
-    pub bus: board::Bus,
+    pub bus: conveyor::Bus,
     /// The converter's pin SYNC/RESET.
     pub reset: Output<'static>,
     /// What comes from the host.
-    pub receiver: board::Receiver,
+    pub receiver: receiver::Receiver,
     /// What goes to the host.
     pub sender: board::Sender,
     /// Low: the memory must not be written.

@@ -32,8 +32,10 @@ use shared::wire::message::Identity;
 use shared::wire::version;
 use static_cell::StaticCell;
 
-use crate::boards::board::{self, Bus, Receiver, Sender, Thermometer};
-use crate::boards::{Parts, Surroundings};
+use crate::boards::board::{self, Sender, Thermometer};
+use crate::boards::conveyor::Bus;
+use crate::boards::receiver::{Receiver, received};
+use crate::boards::{Parts, Surroundings, drdy};
 use memory::Memory;
 
 /// Baud of the link: what both ends divide exactly from their clocks.
@@ -207,7 +209,7 @@ fn identity(config: &Config) -> Identity {
 #[embassy_executor::task]
 async fn acquire(acquisition: &'static mut TheAcquisition) {
     let mut waiting = 0;
-    let mut received = board::received();
+    let mut last = received();
     let mut pulses = 0;
     loop {
         acquisition.step().await;
@@ -216,7 +218,7 @@ async fn acquire(acquisition: &'static mut TheAcquisition) {
         if acquisition.has_fetched() {
             continue;
         }
-        let (count, stamp) = board::pulse();
+        let (count, stamp) = drdy::pulse();
         if count != pulses {
             pulses = count;
             acquisition.note_pulse(count, stamp);
@@ -225,11 +227,11 @@ async fn acquire(acquisition: &'static mut TheAcquisition) {
             acquisition.sampler().set_around(around);
         }
         // The receiver has no interrupt of its own; orders are carried out between two fetches anyway.
-        let (waits, came) = (acquisition.waiting(), board::received());
-        if waits > waiting || came != received {
+        let (waits, came) = (acquisition.waiting(), received());
+        if waits > waiting || came != last {
             LINK_CALLED.signal(());
         }
-        (waiting, received) = (waits, came);
+        (waiting, last) = (waits, came);
     }
 }
 

@@ -3,10 +3,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::ranges;
 use crate::channels::CHANNELS;
 use crate::compensate::{self, Compensator, Mode, Scaling, Source, StatedErrors};
 use crate::model::{self, FURTHER, NOMINAL};
-use crate::rectification::Covariance;
+use crate::rectification::{Covariance, RECTIFYING};
 
 /// Longest serial number, bytes.
 pub const NAME: usize = 24;
@@ -85,7 +86,7 @@ impl Provenance {
         self.serial.is_possible()
             && (1..=12).contains(&self.date.month)
             && (1..=31).contains(&self.date.day)
-            && range.iter().all(|t| t.is_finite())
+            && range.iter().all(|t| ranges::TEMPERATURE_C.has(*t))
             && range[0] <= range[1]
     }
 }
@@ -107,7 +108,7 @@ impl Certified {
         let range = self.provenance.and_then(|known| known.temperature_c);
         self.configuration.is_possible()
             && self.provenance.is_none_or(|known| known.is_possible())
-            && self.errors.is_possible()
+            && errors_are_possible(&self.errors)
             && (range.is_some() || !self.errors.depends_on_temperature())
     }
 
@@ -155,10 +156,12 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// True when they are finite and the scale factor is positive.
+    /// True when the scale factor is 1e-9 to 1e7 V/g and every other one at most 1000 in magnitude.
     pub fn is_possible(&self) -> bool {
-        let mut all = self.nominal.iter().chain(&self.further);
-        all.all(|c| c.is_finite()) && self.nominal[0] > 0.0
+        let [scale_factor_v_per_g, others @ ..] = &self.nominal;
+        let mut others = others.iter().chain(&self.further);
+        ranges::SCALE_FACTOR_V_PER_G.has(*scale_factor_v_per_g)
+            && others.all(|c| ranges::COEFFICIENT.has(*c))
     }
 }
 
@@ -176,7 +179,7 @@ pub struct Calibration {
 impl Calibration {
     fn is_possible(&self) -> bool {
         self.coefficients.is_possible()
-            && self.covariance.is_possible()
+            && covariance_is_possible(&self.covariance)
             && usize::from(self.rank) <= NOMINAL
     }
 }
@@ -185,10 +188,9 @@ impl Compensation {
     fn is_possible(&self) -> bool {
         let mut scales = self.reference_v_per_g.iter();
         self.block_samples >= MIN_BLOCK_SAMPLES
-            && self.nominal_v_per_g.is_finite()
-            && self.nominal_v_per_g > 0.0
-            && scales.all(|s| s.is_finite() && *s != 0.0)
-            && self.reference_zero_v.iter().all(|z| z.is_finite())
+            && ranges::SCALE_FACTOR_V_PER_G.has(self.nominal_v_per_g)
+            && scales.all(|s| ranges::SCALE_FACTOR_V_PER_G.has(s.abs()))
+            && self.reference_zero_v.iter().all(|z| ranges::ZERO_V.has(*z))
     }
 }
 
@@ -220,6 +222,36 @@ impl Configuration {
         };
         Some(Compensator::new(calibration, scaling, how.source, mode))
     }
+}
+
+/// Variances within their range, and no covariance beyond what its two variances allow; rounding to `f32` adds some 1e-7.
+fn covariance_is_possible(covariance: &Covariance<f32>) -> bool {
+    let sigma = |k: usize| num_traits::Float::sqrt(covariance.get(k, k));
+    (0..RECTIFYING).all(|row| {
+        let allowed = |column: usize| sigma(row) * sigma(column) * (1.0 + 1e-4);
+        ranges::VARIANCE.has(covariance.get(row, row))
+            && (0..row).all(|column| covariance.get(row, column).abs() <= allowed(column))
+    })
+}
+
+fn errors_are_possible(errors: &StatedErrors<f32>) -> bool {
+    let StatedErrors {
+        scale_factor_per_k,
+        scale_factor_drift,
+        bias_g_per_k,
+        bias_drift_g,
+        converter_nonlinearity,
+    } = *errors;
+    let mut relative = [
+        scale_factor_per_k,
+        scale_factor_drift,
+        converter_nonlinearity,
+    ]
+    .into_iter();
+    relative.all(|s| ranges::RELATIVE_SIGMA.has(s))
+        && [bias_g_per_k, bias_drift_g]
+            .into_iter()
+            .all(|s| ranges::BIAS_SIGMA_G.has(s))
 }
 
 fn narrow(wide: &Coefficients) -> model::Coefficients<f32> {

@@ -249,13 +249,17 @@ fn as_bytes<S: serde::Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, 
 /// Zero in offset binary.
 const OFFSET: i32 = 1 << 23;
 
-/// Packs one sample for [`Raw::codes`]. Codes outside 24 bits lose their upper bits.
+/// Packs one sample for [`Raw::codes`], as three words of 32 bits. Codes outside 24 bits lose their upper bits.
 #[inline]
 pub fn pack(codes: &[i32; CHANNELS]) -> [u8; SAMPLE] {
-    let [a, b, c, d] = codes.map(|code| (code.wrapping_add(OFFSET) as u32).to_le_bytes());
-    [
-        a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2],
-    ]
+    let [a, b, c, d] = codes.map(|code| (code.wrapping_add(OFFSET) as u32) & 0xFF_FFFF);
+    let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
+    let mut bytes = [0; SAMPLE];
+    let (places, _) = bytes.as_chunks_mut::<4>();
+    for (place, word) in places.iter_mut().zip(words) {
+        *place = word.to_le_bytes();
+    }
+    bytes
 }
 
 /// The inverse of [`pack`].

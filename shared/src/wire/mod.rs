@@ -14,6 +14,7 @@ pub mod board;
 pub mod configuration;
 pub mod framing;
 pub mod message;
+mod ranges;
 pub mod version;
 
 pub use framing::{Deframer, EncodeError, Frame, FrameError, Packet};

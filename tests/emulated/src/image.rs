@@ -6,7 +6,12 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::{env, fs};
 
+use crate::part::Model;
+
 const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Bytes of flash that an image may take: a quarter of the bank that the code has for itself.
+pub const FLASH_BUDGET: u64 = 256 << 10;
 
 /// Why there is no image.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -57,13 +62,22 @@ pub fn path() -> Result<PathBuf, Error> {
     path_at(Rate::X1024)
 }
 
-/// The file of the image at a rate, built on the first call and put aside, since the next one takes its place.
+/// The same at a rate.
 pub fn path_at(rate: Rate) -> Result<PathBuf, Error> {
-    static IMAGES: Mutex<BTreeMap<Rate, Result<PathBuf, Error>>> = Mutex::new(BTreeMap::new());
+    path_of(Model::F429, rate)
+}
+
+/// The file of a board's image at a rate, built on the first call and put aside, since the next one takes its place.
+pub fn path_of(model: Model, rate: Rate) -> Result<PathBuf, Error> {
+    type Images = BTreeMap<(Model, Rate), Result<PathBuf, Error>>;
+    static IMAGES: Mutex<Images> = Mutex::new(BTreeMap::new());
     let mut images = IMAGES.lock().unwrap_or_else(PoisonError::into_inner);
-    let image = images.entry(rate).or_insert_with(|| {
-        let built = build(&["--bin", "firmware", "--features", rate.feature()])?;
-        let aside = built.with_file_name(format!("firmware-{}-ksps", rate.hz() / 1000));
+    let image = images.entry((model, rate)).or_insert_with(|| {
+        let features = format!("{} {}", model.name(), rate.feature());
+        let only = ["--no-default-features", "--features", features.trim_end()];
+        let built = build(&[&["--bin", "firmware"], &only[..]].concat())?;
+        let aside = format!("firmware-{}-{}-ksps", model.name(), rate.hz() / 1000);
+        let aside = built.with_file_name(aside);
         fs::copy(&built, &aside).map_err(|e| Error::Copy(e.to_string()))?;
         Ok(aside)
     });

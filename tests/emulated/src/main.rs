@@ -1,12 +1,17 @@
-//! What the image costs: `cargo run -p emulated`; `-- functions` alone for where its instructions go.
+//! What the image costs: `cargo run -p emulated`; `-- functions [BOARD]` alone for where its instructions go.
 
-use emulated::{Error, cost};
+use emulated::{Error, Model, cost};
 use shared::compensate::Mode;
 
 /// Functions with fewer instructions a sample are added up.
 const LEAST: f64 = 4.0;
 
 fn main() -> Result<(), Error> {
+    let board = std::env::args().nth(2);
+    let model = Model::ALL
+        .into_iter()
+        .find(|m| Some(m.name()) == board.as_deref());
+    let model = model.unwrap_or_default();
     if std::env::args().nth(1).as_deref() != Some("functions") {
         print!("{}{}", cost::table()?, cost::roots()?);
     }
@@ -20,7 +25,7 @@ fn main() -> Result<(), Error> {
         ),
         ("compensated point by point", Some(Mode::Pointwise), false),
     ] {
-        let functions = cost::by_function(mode, raw)?;
+        let functions = cost::by_function(model, mode, raw)?;
         let all: f64 = functions.iter().map(|(_, count)| count).sum();
         println!("\n{all:.0} instructions a sample: {name}");
         let mut rest = all;

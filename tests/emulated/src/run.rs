@@ -20,6 +20,7 @@ use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, Shared, lock};
 use crate::converter::Converter;
 use crate::image::{self, Rate};
 use crate::line::Line;
+use crate::part::Model;
 
 /// Why the emulated board does not run, or not on.
 #[derive(Debug, thiserror::Error)]
@@ -54,6 +55,7 @@ enum Request {
 /// The emulated board, standing still between two calls.
 #[derive(Debug)]
 pub struct Emulator {
+    model: Model,
     converter: Shared<dyn Converter>,
     line: Shared<Line>,
     requests: Option<Sender<Request>>,
@@ -69,10 +71,27 @@ impl Emulator {
         Self::start_image(converter, &image::path()?)
     }
 
+    /// The same of that board, with these bytes in the flash of the instrument's memory.
+    pub fn start_model(
+        model: Model,
+        converter: impl Converter + 'static,
+        memory: Option<Vec<u8>>,
+    ) -> Result<Self, Error> {
+        let mut images = vec![Image::read(&image::path_of(model, Rate::X1024)?, None)?];
+        if let Some(memory) = memory {
+            images.push(Image::new(
+                Path::new("memory"),
+                memory,
+                Some(model.memory()),
+            )?);
+        }
+        Self::with_images(model, converter, &images, INSTRUCTIONS_PER_SECOND)
+    }
+
     /// The same with another image.
     pub fn start_image(converter: impl Converter + 'static, image: &Path) -> Result<Self, Error> {
         let image = Image::read(image, None)?;
-        Self::with_images(converter, &[image], INSTRUCTIONS_PER_SECOND)
+        Self::with_images(Model::F429, converter, &[image], INSTRUCTIONS_PER_SECOND)
     }
 
     /// The same with these bytes in the flash of the instrument's memory.
@@ -80,9 +99,18 @@ impl Emulator {
         converter: impl Converter + 'static,
         memory: Vec<u8>,
     ) -> Result<Self, Error> {
-        let image = Image::read(&image::path()?, None)?;
-        let memory = Image::new(Path::new("memory"), memory, Some(MEMORY))?;
-        Self::with_images(converter, &[image, memory], INSTRUCTIONS_PER_SECOND)
+        Self::start_model(Model::F429, converter, Some(memory))
+    }
+
+    /// The same of that board at a rate, with a processor of another speed.
+    pub fn start_model_at(
+        model: Model,
+        converter: impl Converter + 'static,
+        rate: Rate,
+        instructions_per_second: NonZeroU64,
+    ) -> Result<Self, Error> {
+        let image = Image::read(&image::path_of(model, rate)?, None)?;
+        Self::with_images(model, converter, &[image], instructions_per_second)
     }
 
     /// The same with the image of another rate and a processor of another speed.
@@ -91,18 +119,23 @@ impl Emulator {
         rate: Rate,
         instructions_per_second: NonZeroU64,
     ) -> Result<Self, Error> {
-        let image = Image::read(&image::path_at(rate)?, None)?;
-        Self::with_images(converter, &[image], instructions_per_second)
+        Self::start_model_at(Model::F429, converter, rate, instructions_per_second)
     }
 
     fn with_images(
+        model: Model,
         converter: impl Converter + 'static,
         images: &[Image],
         instructions_per_second: NonZeroU64,
     ) -> Result<Self, Error> {
         let converter: Shared<dyn Converter> = Arc::new(Mutex::new(converter));
         let line = Arc::new(Mutex::new(Line::default()));
-        let board = Nucleo::new(converter.clone(), line.clone(), instructions_per_second)?;
+        let board = Nucleo::new(
+            model,
+            converter.clone(),
+            line.clone(),
+            instructions_per_second,
+        )?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(1))?;
         let (requests, to_core) = channel();
         let (from_core, stops) = channel();
@@ -113,6 +146,7 @@ impl Emulator {
             .name("emulated board".into())
             .spawn(move || {
                 let governor = Governor {
+                    watched: model.watched(),
                     until: 0,
                     requests: to_core,
                     stops: from_core,
@@ -125,6 +159,7 @@ impl Emulator {
             })
             .map_err(|error| Error::Ended(error.to_string()))?;
         let mut emulator = Self {
+            model,
             converter,
             line,
             requests: Some(requests),
@@ -174,8 +209,9 @@ impl Emulator {
     /// Bytes of stack that have been used at some time: down to where the start-up code's paint is whole.
     pub fn stack_used(&mut self) -> Result<u64, Error> {
         let (to, from) = channel();
+        let stack = self.model.stack();
         self.intervene(move |_, host, _| {
-            let words = STACK.step_by(4).map(|a| host.read(a, Width::W32).ok());
+            let words = stack.step_by(4).map(|a| host.read(a, Width::W32).ok());
             let words: Vec<_> = words.collect();
             // What lies between variables and stack is by far the longest stretch of paint.
             let mut rest = words.len() as u64;
@@ -220,6 +256,18 @@ impl Emulator {
             let (word, _) = session.access(access, host);
             // Nobody stopped listening: this is called in between.
             let _ = to.send(word as u32);
+        })?;
+        from.recv().map_err(|_| self.ended())
+    }
+
+    /// So many bytes of the instrument's memory, from its beginning.
+    pub fn memory(&mut self, bytes: u64) -> Result<Vec<u8>, Error> {
+        let (to, from) = channel();
+        let begin = self.model.memory();
+        self.intervene(move |_, host, _| {
+            let words = (begin..begin + bytes).step_by(4);
+            let words = words.map(|a| host.read(a, Width::W32).unwrap_or(0) as u32);
+            let _ = to.send(words.flat_map(u32::to_le_bytes).collect());
         })?;
         from.recv().map_err(|_| self.ended())
     }
@@ -309,26 +357,16 @@ impl Drop for Emulator {
     }
 }
 
-/// Where the instrument's memory begins: bank 2 of the flash (RM0090, table 6).
-const MEMORY: u64 = 0x0810_0000;
-
-/// Where the image's instructions are.
-const CODE: Range<u64> = 0x0800_0000..0x0802_0000;
-
-/// The RAM of `memory.x`: static variables from the beginning, the stack from the end.
-const STACK: Range<u64> = 0x2000_0000..0x2003_0000;
+/// Where the image's instructions are: as far as its budget of flash goes.
+const CODE: Range<u64> = 0x0800_0000..0x0800_0000 + image::FLASH_BUDGET;
 
 /// What the start-up code paints the stack with.
 const PAINT: u64 = 0xCCCC_CCCC;
 
-/// Port E's registers, where SYNC/RESET is driven.
-const GPIOE: std::ops::Range<u64> = 0x4002_1000..0x4002_1400;
-
-/// SPI4's registers, whose accesses move DRDY.
-const SPI4: std::ops::Range<u64> = 0x4001_3400..0x4001_3800;
-
 /// Lets the core run from one event of the converter to the next, and stops it where the test wants it.
 struct Governor {
+    /// Registers whose accesses move the converter's pins.
+    watched: [Range<u64>; 2],
     until: u64,
     requests: Receiver<Request>,
     stops: Sender<Stop>,
@@ -341,7 +379,10 @@ impl Store for Governor {}
 impl Driver<Nucleo> for Governor {
     fn on_settled(&mut self, session: &mut Session<Nucleo>, _: &mut dyn Host, settled: Settled) {
         if let Settled::Access { access, .. } = settled
-            && (GPIOE.contains(&access.address) || SPI4.contains(&access.address))
+            && self
+                .watched
+                .iter()
+                .any(|range| range.contains(&access.address))
         {
             session.board_mut().settle(access.virtual_time);
         }

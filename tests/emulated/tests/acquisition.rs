@@ -55,9 +55,9 @@ fn a_reading_comes_back_as_blocks_of_every_conversion_since_the_command() -> Res
     Ok(())
 }
 
-/// Conversions by which commands may differ in their delay: a fetch of three ends before the link looks for what has come,
+/// Conversions by which commands may differ in their delay: a fetch of sixteen ends before the link looks for what has come,
 /// another one before it is carried out, and it comes anywhere in a conversion.
-const TWO_FETCHES: i64 = 7;
+const TWO_FETCHES: i64 = 33;
 
 #[test]
 fn a_command_waits_for_two_fetches_at_the_most_whatever_the_line_carries() -> Result<(), Error> {
@@ -80,6 +80,14 @@ fn a_command_waits_for_two_fetches_at_the_most_whatever_the_line_carries() -> Re
         assert!(spread.is_some_and(|s| s <= TWO_FETCHES), "{delays:?}");
     }
     Ok(())
+}
+
+/// Conversions that may be made between what one answer tells and its being heard, beyond those of another one: it waits for a
+/// batch of sixteen, for a frame that is on the line (a raw one takes 4 ms, those of a block 2 ms), and is looked for every
+/// millisecond. Measured over 150 answers at all phases: 14 at 4 kSPS, 27 with raw samples, 41 at 16 kSPS.
+fn answers_differ(rate: Rate, raw: bool) -> u64 {
+    let waits_ms = if raw { 4 + 1 } else { 2 + 1 };
+    16 + waits_ms * rate.hz() / 1000
 }
 
 /// Runs with or without raw samples, and counts.
@@ -123,9 +131,8 @@ fn loses_nothing(rate: Rate, seconds: u64, raw: bool) -> Result<(), Error> {
     let after = host.state()?.expect("an answer");
     let converted = host.board.converter().conversions() - converted_before;
     let counted = after.conversions - before.conversions;
-    // The answers are looked for every millisecond.
     assert!(
-        counted.abs_diff(converted) <= 2 * rate_hz / 1000,
+        counted.abs_diff(converted) <= answers_differ(rate, raw),
         "{counted} of {converted}"
     );
     assert_eq!(after.samples - before.samples, counted);

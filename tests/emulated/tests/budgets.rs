@@ -1,6 +1,9 @@
 //! The image keeps to its budgets, with a twentieth to spare: inlining moves counts by 3 %.
 
-use emulated::{Error, cost};
+use std::time::Duration;
+
+use emulated::converter::Plain;
+use emulated::{Emulator, Error, cost};
 
 #[test]
 fn every_figure_is_a_twentieth_below_its_budget() -> Result<(), Error> {
@@ -11,6 +14,19 @@ fn every_figure_is_a_twentieth_below_its_budget() -> Result<(), Error> {
             assert!(figure.value <= 0.95 * budget, "{figure:?}");
         }
     }
+    Ok(())
+}
+
+#[test]
+fn a_trace_has_every_instruction_that_the_emulator_counts() -> Result<(), Error> {
+    let mut board = Emulator::start(Plain::new(8_192_000, |_| [1, 2, 3, 4]))?;
+    board.run_for(Duration::from_millis(300))?;
+    let before = board.instructions();
+    let executed = board.trace(Duration::from_millis(100))?;
+    assert_eq!(
+        executed.values().sum::<u64>(),
+        board.instructions() - before
+    );
     Ok(())
 }
 

@@ -300,7 +300,8 @@ fn a_drdy_stuck_at_either_level_is_named_and_every_conversion_meanwhile_is_count
 -> Result<(), Error> {
     let mut bench = Bench::start(1)?;
     for drdy in [Drdy::StuckLow, Drdy::StuckHigh] {
-        for ms in [3, 40, 700] {
+        // A pin that stands still while a batch is under way is told after two times twenty periods.
+        for ms in [12, 40, 700] {
             let faults = ConverterFaults {
                 drdy,
                 ..ConverterFaults::default()

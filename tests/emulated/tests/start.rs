@@ -285,7 +285,8 @@ fn temperature_is_told_and_outside_of_the_calibrated_range_blocks_say_so() -> Re
     host.replace(Some(certified()))?;
     for (celsius, flag) in [(25, 0), (60, Quality::TEMPERATURE)] {
         host.board.intervene(move |session, _, _| {
-            let (sensor, _) = session.board_mut().mcu.converter(0);
+            let mcu = session.board_mut().f427().expect("the board is an F429");
+            let (sensor, _) = mcu.converter(0);
             sensor.set_temperature(100 * celsius);
         })?;
         host.listen(milliseconds(1500))?;

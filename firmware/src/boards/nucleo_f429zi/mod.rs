@@ -12,11 +12,11 @@
 //! The vehicle's pulse a second comes on PA3 (TIM2), CN9-1. PF8, CN9-24, forbids writing the memory while it is low.
 //! The link to the host is USART3 (PD8, PD9), the debugger's virtual serial port.
 
-mod bus;
 mod clocks;
-mod drdy;
+pub mod edges;
 mod flash;
-mod serial;
+pub mod frames;
+pub mod line;
 mod thermometer;
 
 use defmt_rtt as _;
@@ -28,14 +28,15 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{bind_interrupts, dma, interrupt, pac, peripherals};
 
+use super::conveyor::{self, Bus};
+use super::drdy::DrdyTimers;
+use super::receiver::Receiver;
 use super::{Parts, ResetFlags};
 use crate::image::BAUD;
 
-pub use bus::Bus;
 pub use clocks::is_lost as clock_is_lost;
-pub use drdy::pulse;
+pub use embassy_stm32::pac::IWDG as WATCHDOG;
 pub use flash::Flash;
-pub use serial::{Receiver, received};
 pub use thermometer::Thermometer;
 
 /// What goes to the host.
@@ -50,6 +51,10 @@ bind_interrupts!(struct Interrupts {
     DMA1_STREAM3 => dma::InterruptHandler<peripherals::DMA1_CH3>;
     FLASH => embassy_stm32::flash::InterruptHandler;
 });
+
+/// What the watchdog waits: 2 s nominal; the oscillator's 17 to 47 kHz (DS9405, table 42) make 1.4 to 3.8 s of it. The longest
+/// that a task may take for one step is erasing a sector, 0.8 s at the most (DS9405, table 48).
+pub const WATCHDOG_TICKS: u32 = 1000;
 
 /// Clock of the converter's bus; the divider gives 10.5 MHz.
 const SPI_CLOCK: Hertz = Hertz(10_500_000);
@@ -72,6 +77,16 @@ fn CAN2_SCE() {
     crate::image::on_acquisition_interrupt();
 }
 
+#[interrupt]
+fn TIM2() {
+    conveyor::on_timer();
+}
+
+#[interrupt]
+fn DMA2_STREAM0() {
+    conveyor::on_frame();
+}
+
 /// Starts the board: its memory, and everything else.
 pub fn start() -> (Flash, Parts) {
     let (p, time_base) = clocks::start();
@@ -91,7 +106,7 @@ pub fn start() -> (Flash, Parts) {
     spi_config.frequency = SPI_CLOCK;
     let spi = Spi::new_blocking(p.SPI4, p.PE2, p.PE6, p.PE5, spi_config);
     let select = Output::new(p.PE4, Level::High, Speed::VeryHigh);
-    let timers = drdy::DrdyTimers::start(p.TIM2, p.TIM5, p.PA0, p.PA3);
+    let timers = DrdyTimers::start(p.TIM2, p.TIM5, p.PA0, p.PA3);
 
     let mut uart_config = usart::Config::default();
     uart_config.baudrate = BAUD;

@@ -1,58 +1,40 @@
-//! The converter's bus: SPI4 by DMA2, stream 0 in and stream 1 out (RM0090, table 43: channel 4 of both).
+//! The conveyor of conversions: frames over the converter's bus, begun and ended by interrupts.
 //!
-//! The HAL sets up pins and clock; for each transfer it would set up the peripheral and both streams anew, which takes
-//! half of all the instructions of a sample. Here that is done once, and a transfer is a count and an enable bit for each
-//! stream.
-//!
-//! **The conveyor.** While it runs, DRDY's interrupt starts the frame that reads the conversion, and the DMA's interrupt
+//! While it runs, DRDY's interrupt starts the frame that reads the conversion, and the DMA's interrupt
 //! opens it; the acquisition sleeps meanwhile and is woken for [`BATCH`] conversions. It runs only while each frame has
 //! one DRDY edge more than the one before and a sound conversion. Where that is not so, or where there is no room, it
 //! stops: then the driver, which counts the same edges, decides what the converter still holds.
 
 use core::future::poll_fn;
-use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicU32, Ordering, fence};
+use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicU32, Ordering};
 use core::task::Poll;
 
 use embassy_stm32::gpio::Output;
-use embassy_stm32::interrupt;
 use embassy_stm32::mode::Blocking;
-use embassy_stm32::pac;
-use embassy_stm32::pac::dma::regs::{Cr, Ixr, Ndtr};
-use embassy_stm32::pac::dma::vals::{Dir, Pl};
 use embassy_stm32::spi::{Spi, mode};
 use embassy_sync::waitqueue::AtomicWaker;
 use embedded_hal::spi::ErrorKind;
-use firmware::adc::bus::{FetchError, Fetched, FrameBus, FrameError, open};
+use firmware::adc::batch;
+use firmware::adc::bus::{FetchError, Fetched, FrameBus, FrameError};
 use firmware::adc::count::{Edge, Timers};
-use firmware::adc::frame::{ChecksumError, FRAME, NULL, Response};
+use firmware::adc::frame::{self, ChecksumError, FRAME, NULL, Response, WORDS, decode};
 use firmware::adc::registers::{has_data, is_sound_but_for};
 use shared::channels::CHANNELS;
 
+use super::board::frames::{self, IN, OUT};
 use super::drdy::{self, DrdyTimers};
 
 /// Conversions that wake the acquisition: fewer periods than the driver waits for the first.
-const BATCH: u32 = 3;
+const BATCH: u32 = batch::ROOM as u32;
 
 /// Conversions that there is room for, a power of two: what the acquisition may be late.
-const ROOM: u32 = 8;
+const ROOM: u32 = 2 * BATCH;
 
 /// How long a frame may take; at 10.5 MHz it takes 14 us.
 const FRAME_US: u32 = 100;
 
-/// How often the receive buffer is looked at before it is given up: some 20 cycles each, 20 us in all.
-const DRAIN_READS: u32 = 200;
-
-/// Words of memory that hold a frame.
-const WORDS: usize = FRAME.div_ceil(4);
-
 /// What the DMA reads or writes: nobody else holds a reference to it, and every access is atomic.
-type Memory = [AtomicU32; WORDS];
-
-/// What goes out.
-static OUT: Memory = [const { AtomicU32::new(0) }; WORDS];
-
-/// What comes in.
-static IN: Memory = [const { AtomicU32::new(0) }; WORDS];
+pub type Memory = [AtomicU32; WORDS];
 
 /// A conversion on the conveyor, as [`Fetched`] has it.
 struct Slot {
@@ -68,6 +50,8 @@ struct Slot {
 const OPENED: u8 = 0;
 const CHECKSUM: u8 = 1;
 const BUS: u8 = 2;
+/// Opened, and a conversion that nothing is wrong with.
+const SOUND: u8 = 3;
 
 static CONVEYOR: [Slot; ROOM as usize] = [const {
     Slot {
@@ -81,7 +65,7 @@ static CONVEYOR: [Slot; ROOM as usize] = [const {
 
 impl Slot {
     #[inline]
-    fn put(&self, response: &Result<Response, FrameError>) {
+    fn put(&self, response: &Result<Response, FrameError>, sound: bool) {
         let (kind, word) = match response {
             Ok(response) => {
                 let [a, b, c, d] = response.codes;
@@ -89,7 +73,8 @@ impl Slot {
                 self.codes[1].store(b, Ordering::Relaxed);
                 self.codes[2].store(c, Ordering::Relaxed);
                 self.codes[3].store(d, Ordering::Relaxed);
-                (OPENED, u32::from(response.word))
+                let kind = if sound { SOUND } else { OPENED };
+                (kind, u32::from(response.word))
             }
             Err(FrameError::Checksum(error)) => (
                 CHECKSUM,
@@ -102,13 +87,26 @@ impl Slot {
     }
 
     #[inline]
+    fn codes(&self) -> [i32; CHANNELS] {
+        self.codes
+            .each_ref()
+            .map(|code| code.load(Ordering::Relaxed))
+    }
+
+    /// Its edge, on the clock that stands at `now_us`, less than an hour later.
+    #[inline]
+    fn edge(&self, now_us: u64) -> Edge {
+        let stamp = self.stamp.load(Ordering::Relaxed);
+        drdy::edge_at(now_us, self.edges.load(Ordering::Relaxed), stamp)
+    }
+
+    #[inline]
     fn get(&self) -> Result<Response, FrameError> {
         let word = self.word.load(Ordering::Relaxed);
-        let code = |k: usize| self.codes[k].load(Ordering::Relaxed);
         match self.kind.load(Ordering::Relaxed) {
-            OPENED => Ok(Response {
+            OPENED | SOUND => Ok(Response {
                 word: word as u16,
-                codes: [code(0), code(1), code(2), code(3)],
+                codes: self.codes(),
             }),
             CHECKSUM => Err(FrameError::Checksum(ChecksumError {
                 sent: (word >> 16) as u16,
@@ -141,49 +139,16 @@ const CONVERSION: u8 = 1;
 const EXCHANGE: u8 = 2;
 
 /// The last exchange succeeded.
-static SOUND: AtomicBool = AtomicBool::new(false);
+static EXCHANGED: AtomicBool = AtomicBool::new(false);
 
 /// The acquisition, while it waits.
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-const STREAM_IN: usize = 0;
-const STREAM_OUT: usize = 1;
-
-/// Channel 4 of either stream is SPI4.
-const CHANNEL: u8 = 4;
-
-/// The chip select is pin 4 of port E.
-const SELECT: u32 = 1 << 4;
-
-/// Every flag of both streams (RM0090, 10.5.3); a stream cannot be enabled with one set.
-const FLAGS: Ixr = Ixr(0x3D << (6 * STREAM_IN) | 0x3D << (6 * STREAM_OUT));
-
-/// The control words of the two streams as they run.
-static CONTROL: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
-
-/// Throws away a byte that a transfer left in the data register when it was broken off: it would come as the first of the
-/// next frame, and shift that one and all after it.
-#[inline]
-fn drop_left_byte() {
-    if pac::SPI4.sr().read().rxne() {
-        pac::SPI4.dr().read();
-    }
-}
-
-/// Sends `OUT` and receives into `IN`.
+/// Sends what is laid out.
 #[inline]
 fn begin(what: u8) {
     UNDER_WAY.store(what, Ordering::Relaxed);
-    drop_left_byte();
-    pac::GPIOE.bsrr().write(|w| w.0 = SELECT << 16);
-    // What was written to `OUT` has to be in memory before the DMA reads it.
-    fence(Ordering::SeqCst);
-    for stream in [STREAM_IN, STREAM_OUT] {
-        let registers = pac::DMA2.st(stream);
-        registers.ndtr().write_value(Ndtr(FRAME as u32));
-        let control = CONTROL[stream].load(Ordering::Relaxed);
-        registers.cr().write_value(Cr(control));
-    }
+    frames::begin();
 }
 
 /// Begins to read a conversion; whether the conveyor goes on after it is known by the edges.
@@ -203,9 +168,9 @@ fn begin_conversion() {
     begin(CONVERSION);
 }
 
-/// DRDY fell, or a deadline has passed.
-#[interrupt]
-fn TIM2() {
+/// DRDY fell, or a deadline has passed: to be called by the interrupt of TIM2 and by nobody else.
+#[inline]
+pub fn on_timer() {
     let flags = drdy::take_flags();
     if flags.edge {
         on_edge();
@@ -225,39 +190,32 @@ fn on_edge() {
     }
 }
 
-/// The last byte came in, or the DMA could not go on.
-#[interrupt]
-fn DMA2_STREAM0() {
-    let sound = !pac::DMA2.isr(0).read().teif(STREAM_IN);
-    pac::GPIOE.bsrr().write(|w| w.0 = SELECT);
-    if !sound {
-        // The other stream may still be waiting for its turn.
-        pac::DMA2.st(STREAM_OUT).cr().write_value(Cr(0));
-    }
-    pac::DMA2.ifcr(0).write_value(FLAGS);
+/// A frame ended, or the DMA could not go on: to be called by its interrupt and by nobody else.
+#[inline]
+pub fn on_frame() {
+    let sound = frames::end();
     let what = UNDER_WAY.swap(NOTHING, Ordering::AcqRel);
     if what == EXCHANGE {
-        SOUND.store(sound, Ordering::Relaxed);
+        EXCHANGED.store(sound, Ordering::Relaxed);
         return WAKER.wake();
     }
     if what == NOTHING {
         // A frame that was given up ends after all.
         return;
     }
-    fence(Ordering::SeqCst);
-    let response = open(if sound {
-        Ok(get())
+    let response = if sound {
+        decode(words()).map_err(FrameError::Checksum)
     } else {
-        Err(ErrorKind::Other)
-    });
-    let came = CAME.load(Ordering::Relaxed);
-    CONVEYOR[(came % ROOM) as usize].put(&response);
-    let came = came.wrapping_add(1);
-    CAME.store(came, Ordering::Release);
+        Err(FrameError::Spi(ErrorKind::Other))
+    };
     let goes_on = response.is_ok_and(|response| {
         let status = response.status();
         is_sound_but_for(status, 0) && has_data(status)
     });
+    let came = CAME.load(Ordering::Relaxed);
+    CONVEYOR[(came % ROOM) as usize].put(&response, goes_on);
+    let came = came.wrapping_add(1);
+    CAME.store(came, Ordering::Release);
     if !goes_on {
         RUNS.store(false, Ordering::Relaxed);
     }
@@ -284,36 +242,13 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// On SPI4 as the HAL set it up, which nobody else may use; `select` is PE4.
+    /// On the board's SPI as the HAL set it up, which nobody else may use, with its chip select.
     pub fn new(
         pins: Spi<'static, Blocking, mode::Master>,
         select: Output<'static>,
         timers: DrdyTimers,
     ) -> Self {
-        let ways = [Dir::PERIPHERAL_TO_MEMORY, Dir::MEMORY_TO_PERIPHERAL];
-        for (stream, (memory, way)) in [&IN, &OUT].into_iter().zip(ways).enumerate() {
-            let registers = pac::DMA2.st(stream);
-            let data = pac::SPI4.dr().as_ptr() as u32;
-            registers.par().write_value(data);
-            registers.m0ar().write_value(memory.as_ptr() as u32);
-            let mut control = Cr(0);
-            control.set_chsel(CHANNEL);
-            control.set_minc(true);
-            control.set_dir(way);
-            if stream == STREAM_IN {
-                // A byte that comes must be fetched before the next one is sent.
-                control.set_pl(Pl::VERY_HIGH);
-                control.set_tcie(true);
-                control.set_teie(true);
-            }
-            control.set_en(true);
-            CONTROL[stream].store(control.0, Ordering::Relaxed);
-        }
-        pac::SPI4.cr2().modify(|w| {
-            w.set_rxdmaen(true);
-            w.set_txdmaen(true);
-        });
-        pac::SPI4.cr1().modify(|w| w.set_spe(true));
+        frames::start();
         Self {
             _pins: pins,
             _select: select,
@@ -348,16 +283,12 @@ impl Bus {
     /// Takes the oldest conversion off.
     #[inline]
     fn take(&mut self) -> Fetched {
+        let now_us = self.timers.now_us();
         let taken = TAKEN.load(Ordering::Relaxed);
         let slot = &CONVEYOR[(taken % ROOM) as usize];
-        let edges = slot.edges.load(Ordering::Relaxed);
-        let stamp = slot.stamp.load(Ordering::Relaxed);
-        let response = slot.get();
+        let (edge, response) = (slot.edge(now_us), slot.get());
         TAKEN.store(taken.wrapping_add(1), Ordering::Release);
-        Fetched {
-            edge: self.timers.at(edges, stamp),
-            response,
-        }
+        Fetched { edge, response }
     }
 }
 
@@ -384,39 +315,27 @@ async fn until_idle() {
     .await;
 }
 
-/// Empties the receive buffer: a byte in it would be taken for the first of the next frame, and leave that frame's last
-/// for the one after it (RM0090, 28.3.8: read until RXNE is clear; 28.3.10: data and then status clear an overrun).
-fn drain() {
-    // One byte in the buffer, one in the shift register, each a byte's time of at most 2 us.
-    for _ in 0..DRAIN_READS {
-        let status = pac::SPI4.sr().read();
-        if status.rxne() || status.ovr() {
-            let _ = pac::SPI4.dr().read();
-        } else if !status.bsy() {
-            break;
-        }
-    }
-}
-
 /// Lays a frame out for the DMA.
-#[inline]
 fn put(frame: &[u8; FRAME]) {
-    let (words, rest) = frame.as_chunks::<4>();
-    for (to, word) in OUT.iter().zip(words) {
-        to.store(u32::from_le_bytes(*word), Ordering::Relaxed);
-    }
-    if let (Some(to), [low, high]) = (OUT.last(), rest) {
-        to.store(u32::from_le_bytes([*low, *high, 0, 0]), Ordering::Relaxed);
+    for (to, word) in OUT.iter().zip(frame::words(frame)) {
+        to.store(word, Ordering::Relaxed);
     }
 }
 
-/// The frame that the DMA brought.
+/// The frame that the DMA brought, as it lies in memory.
 #[inline]
+fn words() -> [u32; WORDS] {
+    IN.each_ref().map(|word| word.load(Ordering::Relaxed))
+}
+
+/// The same as bytes.
 fn get() -> [u8; FRAME] {
-    let word = |k: usize| IN[k].load(Ordering::Relaxed).to_le_bytes();
-    let ([a, b, c, d], [e, f, g, h], [i, j, k, l], [m, n, o, p], [q, r, ..]) =
-        (word(0), word(1), word(2), word(3), word(4));
-    [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r]
+    let words = words().map(u32::to_le_bytes);
+    let mut frame = [0; FRAME];
+    for (to, from) in frame.iter_mut().zip(words.as_flattened()) {
+        *to = *from;
+    }
+    frame
 }
 
 impl Timers for Bus {
@@ -435,8 +354,7 @@ impl FrameBus for Bus {
         put(frame);
         begin(EXCHANGE);
         until_idle().await;
-        fence(Ordering::SeqCst);
-        if SOUND.load(Ordering::Relaxed) {
+        if EXCHANGED.load(Ordering::Relaxed) {
             Ok(get())
         } else {
             Err(ErrorKind::Other)
@@ -474,6 +392,22 @@ impl FrameBus for Bus {
         Ok(self.take())
     }
 
+    fn drain(&mut self, mut take: impl FnMut(Edge, [i32; CHANNELS]) -> bool) {
+        let came = CAME.load(Ordering::Acquire);
+        let mut taken = TAKEN.load(Ordering::Relaxed);
+        // One look at the clock for all of them.
+        let now_us = self.timers.now_us();
+        while taken != came {
+            let slot = &CONVEYOR[(taken % ROOM) as usize];
+            let sound = slot.kind.load(Ordering::Relaxed) == SOUND;
+            if !(sound && take(slot.edge(now_us), slot.codes())) {
+                break;
+            }
+            taken = taken.wrapping_add(1);
+        }
+        TAKEN.store(taken, Ordering::Release);
+    }
+
     fn has_fetched(&self) -> bool {
         fetched() > 0
     }
@@ -492,14 +426,10 @@ impl FrameBus for Bus {
         })
         .await;
         cortex_m::interrupt::free(|_| {
-            for stream in [STREAM_OUT, STREAM_IN] {
-                pac::DMA2.st(stream).cr().write_value(Cr(0));
-            }
-            pac::GPIOE.bsrr().write(|w| w.0 = SELECT);
-            pac::DMA2.ifcr(0).write_value(FLAGS);
+            frames::abort();
             UNDER_WAY.store(NOTHING, Ordering::Relaxed);
         });
-        drain();
+        frames::drain();
         TAKEN.store(CAME.load(Ordering::Acquire), Ordering::Release);
         self.draining = false;
     }

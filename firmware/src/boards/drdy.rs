@@ -1,7 +1,7 @@
-//! DRDY on TIM2 and TIM5: every falling edge is counted and stamped in hardware.
+//! DRDY on TIM2 and a timer that counts: every falling edge is counted and stamped in hardware.
 //!
-//! TIM2 runs at 1 MHz and captures the falling edges on PA0. Each capture sends a trigger pulse, and TIM5 counts
-//! these pulses, so that count and stamp hold however late the software is. TIM2's second channel ends a wait: [`Deadline`],
+//! TIM2 runs at 1 MHz and captures the falling edges on PA0. Each capture sends a trigger pulse, and the board's other timer
+//! counts these pulses, so that count and stamp hold however late the software is. TIM2's second channel ends a wait: [`Deadline`],
 //! its fourth stamps the vehicle's pulse a second on PA3.
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -9,15 +9,17 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::pac;
-use embassy_stm32::peripherals::{PA0, PA3, TIM2, TIM5};
+use embassy_stm32::peripherals::{PA0, PA3, TIM2};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::input_capture::CapturePin;
 use embassy_stm32::timer::low_level::{
-    InputCaptureMode, InputTISelection, MasterMode, SlaveMode, Timer, TriggerSource,
+    InputCaptureMode, InputTISelection, MasterMode, SlaveMode, Timer,
 };
 use embassy_stm32::timer::{Ch1, Ch4, Channel};
 use firmware::adc::count::{Edge, Timers};
 use firmware::edge_pair;
+
+use super::board::edges;
 
 /// Ticks of TIM2.
 const CLOCK: Hertz = Hertz(1_000_000);
@@ -65,7 +67,7 @@ pub fn is_low() -> bool {
 /// The last falling edge: the count until then, modulo 2^32, and TIM2 at it.
 #[inline]
 pub fn edge() -> (u32, u32) {
-    edge_pair::read(|| pac::TIM2.ccr(CAPTURE).read(), || pac::TIM5.cnt().read())
+    edge_pair::read(|| pac::TIM2.ccr(CAPTURE).read(), edges::count)
 }
 
 /// Pulses of the vehicle's time until now, and TIM2 at the last of them.
@@ -77,12 +79,12 @@ pub fn pulse() -> (u32, u32) {
     (pulses, stamp)
 }
 
-/// The clock TIM2 and the count TIM5.
+/// The clock TIM2 and the timer that counts.
 pub struct DrdyTimers {
     _pin: CapturePin<'static, TIM2, Ch1>,
     _pulse: CapturePin<'static, TIM2, Ch4>,
     _clock: Timer<'static, TIM2>,
-    _count: Timer<'static, TIM5>,
+    _count: Timer<'static, edges::Counter>,
     now_us: u64,
 }
 
@@ -90,13 +92,12 @@ impl DrdyTimers {
     /// Starts both timers. Their interrupt has still to be enabled.
     pub fn start(
         clock: Peri<'static, TIM2>,
-        count: Peri<'static, TIM5>,
+        count: Peri<'static, edges::Counter>,
         pin: Peri<'static, PA0>,
         pulse: Peri<'static, PA3>,
     ) -> Self {
         let count = Timer::new(count);
-        // Internal trigger 0 of TIM5 is the output of TIM2 (RM0090, table 98).
-        count.set_trigger_source(TriggerSource::ITR0);
+        count.set_trigger_source(edges::TRIGGER);
         count.set_slave_mode(SlaveMode::EXT_CLOCK_MODE);
         count.start();
 
@@ -129,23 +130,20 @@ impl DrdyTimers {
     }
 }
 
-impl DrdyTimers {
-    /// An edge of less than an hour ago on the clock that does not turn.
-    #[inline]
-    pub fn at(&mut self, count: u32, stamp: u32) -> Edge {
-        let now_us = self.now_us();
-        let ago_us = (now_us as u32).wrapping_sub(stamp);
-        Edge {
-            count,
-            time_us: now_us.saturating_sub(u64::from(ago_us)),
-        }
+/// An edge of less than an hour ago on the clock that does not turn, which stands at `now_us`.
+#[inline]
+pub fn edge_at(now_us: u64, count: u32, stamp: u32) -> Edge {
+    let ago_us = (now_us as u32).wrapping_sub(stamp);
+    Edge {
+        count,
+        time_us: now_us.saturating_sub(u64::from(ago_us)),
     }
 }
 
 impl Timers for DrdyTimers {
     fn edge(&mut self) -> Edge {
         let (count, stamp) = edge();
-        self.at(count, stamp)
+        edge_at(self.now_us(), count, stamp)
     }
 
     /// The counter has 32 bits; asked at least once an hour, this clock does not lose a turn.
