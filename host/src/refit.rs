@@ -247,7 +247,7 @@ mod tests {
     use crate::effects::find;
 
     #[test]
-    fn where_a_block_determines_no_parameter_the_tangent_is_the_fit_without_it() {
+    fn where_no_block_determines_a_parameter_the_tangent_errs_as_much_as_the_fit_without_it() {
         let specification = Specification::with_dial_sigma(1.0);
         let seed = Seed(6);
         let mut stream = seed.stream("effect", 0);
@@ -263,12 +263,14 @@ mod tests {
         };
         let fit = fit_all(&mut model, &[member]).unwrap();
         let by_tangent = held_out_errors(&model, &fit).unwrap();
-        let mut tangent = by_tangent.iter();
-        for block in model.blocks() {
-            let anew = errors_of_refit(&campaign, &assumptions, &model, &fit, &block).unwrap();
-            for (anew, (_, error, noise)) in anew.iter().zip(&mut tangent) {
-                assert!((anew - error).abs() < 0.2 * noise.sqrt(), "{anew} {error}");
-            }
-        }
+        let blocks = model.blocks().into_iter();
+        let anew = blocks.flat_map(|block| {
+            errors_of_refit(&campaign, &assumptions, &model, &fit, &block).unwrap()
+        });
+        let rms = |squares: f64| (squares / by_tangent.len() as f64).sqrt();
+        let anew = rms(anew.map(|error| error * error).sum());
+        let tangent = rms(by_tangent.iter().map(|(_, error, _)| error * error).sum());
+        // Both hold the same noise; what differs is what other runs tell of table and sessions.
+        assert!((0.75..1.33).contains(&(anew / tangent)), "{anew} {tangent}");
     }
 }
