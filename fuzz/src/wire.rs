@@ -5,6 +5,7 @@ use std::path::Path;
 
 use arbitrary::Unstructured;
 use firmware::adc::Conversion;
+use firmware::adc::batch::Batch;
 use firmware::app::App;
 use firmware::link::Queues;
 use firmware::sampler::Sampler;
@@ -141,11 +142,11 @@ impl Instrument<'_> {
                     .unwrap_or(&0),
                 false => wave.clamp(-8_388_608, 8_388_607),
             };
-            self.sampler.take(&Conversion {
+            self.sampler.take(&Batch::new(&Conversion {
                 index,
                 time_us: 250 * index,
                 codes: [code, code / 2, -code / 3, code / 5],
-            });
+            }));
         }
     }
 
