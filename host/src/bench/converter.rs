@@ -415,6 +415,8 @@ fn filter(oversampling: Oversampling) -> [f64; TAPS] {
 
 #[cfg(test)]
 mod tests {
+    use firmware::adc::frame::{NULL, decode, words};
+
     use super::*;
     use firmware::adc::frame::Command;
 
@@ -482,8 +484,8 @@ mod tests {
         }
         exchange(converter, Command::Null);
         let mut received = [0; FRAME];
-        converter.transfer(&firmware::adc::frame::NULL, &mut received);
-        firmware::adc::frame::decode(&received).unwrap().status()
+        converter.transfer(&NULL, &mut received);
+        decode(words(&received)).unwrap().status()
     }
 
     fn exchange(converter: &mut Converter, command: Command) {
@@ -504,8 +506,8 @@ mod tests {
             converter.complete([0; 4]);
         }
         let mut received = [0; FRAME];
-        converter.transfer(&firmware::adc::frame::NULL, &mut received);
-        let told = firmware::adc::frame::decode(&received).unwrap().status();
+        converter.transfer(&NULL, &mut received);
+        let told = decode(words(&received)).unwrap().status();
         assert!(told.register_map_changed());
         assert!(!status_after(3, &mut converter).register_map_changed());
         // What is written again changes nothing.
