@@ -51,9 +51,8 @@ fn decoded_and_reduced(bencher: Bencher) {
                 black_box(record.as_slice()),
                 |event, _| -> Result<(), RecordError> {
                     if let Event::Raw(raw) = event {
-                        raw.samples()
-                            .try_for_each(|sample| moments.push(sample))
-                            .expect("a short block");
+                        let samples: Vec<[i32; 4]> = raw.samples().collect();
+                        moments.extend(&samples).expect("a short block");
                     }
                     Ok(())
                 },
