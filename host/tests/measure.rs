@@ -643,7 +643,7 @@ fn session(shift_v: f64, noise_v: f64, amplitude_v: f64) -> Vec<u8> {
                         0.0
                     };
                 let code = (u / 1.2 * f64::from(1 << 23)).round() as i32;
-                moments.push([code, 0, 0, 0]).unwrap();
+                moments.extend(&[[code, 0, 0, 0]]).unwrap();
                 codes.extend(pack(&[code, 0, 0, 0]));
                 index += 1;
             }
