@@ -134,7 +134,7 @@ impl ConversionCount {
     }
 
     /// Moves the index on by one if this edge is one period after the last; false, and nothing changes, if it is not, or if a
-    /// period is longer than [`LONGEST`]. In 32 bits, since it is asked at each conversion.
+    /// period is longer than 8 ms. In 32 bits, since it is asked at each conversion.
     #[inline]
     pub fn is_next(&mut self, last: Edge) -> bool {
         let elapsed = fixed(last.time_us).wrapping_sub(self.beat);
