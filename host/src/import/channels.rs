@@ -6,6 +6,9 @@ use std::sync::Arc;
 use super::{Columns, Rows};
 use crate::error::{Error, Place, Problem, clip};
 
+/// Most bytes of a file that is read as a whole, and of what is unpacked of it.
+pub(super) const MAX_BYTES: u64 = 1 << 32;
+
 /// One channel, or a block of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {

@@ -3,13 +3,10 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::channels::{Array, Channels, Wanted, of_arrays};
+use super::channels::{Array, Channels, MAX_BYTES, Wanted, of_arrays};
 use super::cursor::{Cursor, Cut, Endian};
 use crate::error::Error;
 use crate::input::read_at_most;
-
-/// Most bytes of a file, and of what a compressed array becomes.
-const MAX_BYTES: u64 = 1 << 32;
 
 /// Deepest structure within structures.
 const DEEPEST: usize = 16;

@@ -5,14 +5,11 @@ use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
 use std::path::Path;
 
-use super::channels::{Channel, Channels, Clock, Wanted};
+use super::channels::{Channel, Channels, Clock, MAX_BYTES, Wanted};
 use super::cursor::{Cursor, Cut, Endian};
 use super::ros::{Bad, Definitions, Layer};
 use crate::error::Error;
 use crate::input::read_at_most;
-
-/// Most bytes of a file, and of a chunk that is unpacked.
-const MAX_BYTES: u64 = 1 << 32;
 
 /// Bytes that a file begins with.
 const MAGIC: usize = 8;

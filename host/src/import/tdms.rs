@@ -4,14 +4,11 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::channels::{Channel, Channels, Clock, Wanted};
+use super::channels::{Channel, Channels, Clock, MAX_BYTES, Wanted};
 use super::cursor::{Cursor, Cut, Endian};
 use super::tdms_scale::Scaling;
 use crate::error::Error;
 use crate::input::read_at_most;
-
-/// Most bytes of a file.
-const MAX_BYTES: u64 = 1 << 32;
 
 /// Bytes that every segment begins with.
 const LEAD_IN: usize = 28;

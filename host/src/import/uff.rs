@@ -5,13 +5,10 @@
 
 use std::path::Path;
 
-use super::channels::{Channel, Channels, Clock, Wanted, unique};
+use super::channels::{Channel, Channels, Clock, MAX_BYTES, Wanted, unique};
 use super::cursor::{Cursor, Endian};
 use crate::error::Error;
 use crate::input::read_at_most;
-
-/// Most bytes of a file.
-const MAX_BYTES: u64 = 1 << 32;
 
 /// Lines of a set that say what it is.
 const LINES: usize = 11;

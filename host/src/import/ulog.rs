@@ -3,13 +3,10 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-use super::channels::{Channel, Channels, Clock, Wanted};
+use super::channels::{Channel, Channels, Clock, MAX_BYTES, Wanted};
 use super::cursor::{Cursor, Cut, Endian};
 use crate::error::Error;
 use crate::input::read_at_most;
-
-/// Most bytes of a file.
-const MAX_BYTES: u64 = 1 << 32;
 
 /// Bytes before the first message.
 const HEADER: usize = 16;
