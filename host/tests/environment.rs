@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
+use command::vre;
 use host::campaign::{Breakpoint, Campaign, Density, SpectrumTable, read_spectrum};
 use host::environment::Vibration;
 use rand::SeedableRng;
@@ -12,9 +13,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
-use serde_json::Value;
 use shared::model::{Coefficients, SpecificForce};
 
+#[path = "common/command.rs"]
+mod command;
 mod common;
 
 const RATE_HZ: f64 = 8192.0;
@@ -190,18 +192,6 @@ fn the_level_of_a_spectrum_is_the_integral_of_its_straight_lines() {
     let rms = (0.015 * 30.0 + above).sqrt();
     assert!((found.total_rms_g() / rms - 1.0).abs() < 1e-6);
     assert!((found.rms_g()[2] / rms - 0.8).abs() < 1e-6);
-}
-
-fn vre(arguments: &[&str]) -> (String, Value) {
-    let folder = tempfile::tempdir().unwrap();
-    let json = folder.path().join("result.json");
-    let mut command = Command::cargo_bin("vre").unwrap();
-    let assert = command.args(arguments).arg("--json").arg(&json).assert();
-    let text = String::from_utf8(assert.success().get_output().stdout.clone()).unwrap();
-    (
-        text,
-        serde_json::from_slice(&fs::read(json).unwrap()).unwrap(),
-    )
 }
 
 fn of(path: &Path) -> &str {

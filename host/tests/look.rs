@@ -1,43 +1,24 @@
 //! `vre look`, and `vre measure` into a campaign and onto a page, as a user runs them.
 
+#[path = "common/command.rs"]
+mod command;
+#[path = "common/refusal.rs"]
+mod refusal;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use command::vre;
 use host::campaign::{CampaignConfig, Run, VibrationKind, read_runs};
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use rand_distr::{Distribution, StandardNormal};
-use serde_json::Value;
+use refusal::refused;
 
 fn formats() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/formats")
-}
-
-/// Runs the command; its text and its JSON.
-fn vre(arguments: &[&str]) -> (String, Value) {
-    let folder = tempfile::tempdir().unwrap();
-    let json = folder.path().join("result.json");
-    let mut command = Command::cargo_bin("vre").unwrap();
-    let assert = command.args(arguments).arg("--json").arg(&json).assert();
-    let text = String::from_utf8(assert.success().get_output().stdout.clone()).unwrap();
-    (
-        text,
-        serde_json::from_slice(&fs::read(json).unwrap()).unwrap(),
-    )
-}
-
-/// Runs the command, which must refuse in one line.
-fn refused(arguments: &[&str]) -> String {
-    let assert = Command::cargo_bin("vre")
-        .unwrap()
-        .args(arguments)
-        .assert()
-        .code(2);
-    let told = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
-    assert_eq!(told.lines().count(), 1, "{told}");
-    told
 }
 
 fn text_of(path: &Path) -> &str {

@@ -7,23 +7,17 @@ use assert_cmd::Command;
 use host::campaign::Campaign;
 use host::campaign::columns::TABLES;
 use host::handbook::Topic;
+use refusal::refused;
 use serde_json::Value;
 
 mod common;
+#[path = "common/refusal.rs"]
+mod refusal;
 
 /// Runs the command, which must be done.
 fn vre(arguments: &[&str]) -> String {
     let assert = Command::cargo_bin("vre").unwrap().args(arguments).assert();
     String::from_utf8(assert.success().get_output().stdout.clone()).unwrap()
-}
-
-/// Runs the command, which must refuse in one line.
-fn refused(arguments: &[&str]) -> String {
-    let mut command = Command::cargo_bin("vre").unwrap();
-    let assert = command.args(arguments).assert().code(2);
-    let told = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
-    assert_eq!(told.lines().count(), 1, "{told}");
-    told
 }
 
 fn of(path: &Path) -> &str {
