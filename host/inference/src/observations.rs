@@ -254,6 +254,11 @@ impl Observations {
         self
     }
 
+    /// The packed lower Cholesky factor of the covariance of the first observable's rows.
+    pub fn correlated(&self) -> &[f64] {
+        &self.correlated
+    }
+
     /// The same rows, each in its own unit and none unobserved: for predictions. Only the first observable stays whitened.
     pub fn in_units(&self) -> Self {
         Self {

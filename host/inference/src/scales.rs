@@ -96,12 +96,23 @@ struct Scoring {
 impl Scoring {
     /// Where the whole covariance is the identity.
     fn as_stated(parts: &[DMatrix<f64>], z: &DVector<f64>) -> Option<Self> {
+        Self::of(parts, parts, z)
+    }
+
+    /// By each part of the covariance V, V^-1 times that part, and V^-1 z. `None` if the information is singular.
+    fn of(
+        parts: &[DMatrix<f64>],
+        relative: &[DMatrix<f64>],
+        weighed: &DVector<f64>,
+    ) -> Option<Self> {
         let gradient = parts
             .iter()
-            .map(|part| 0.5 * (z.dot(&(part * z)) - part.trace()));
+            .zip(relative)
+            .map(|(part, relative)| 0.5 * (weighed.dot(&(part * weighed)) - relative.trace()));
         let gradient = DVector::from_vec(gradient.collect());
         let information = DMatrix::from_fn(parts.len(), parts.len(), |k, l| {
-            0.5 * parts[k].dot(&parts[l])
+            // The trace of the product.
+            0.5 * relative[k].dot(&relative[l].transpose())
         });
         let inverse = Cholesky::new(information)?.inverse();
         Some(Self { gradient, inverse })
@@ -134,17 +145,7 @@ impl Scoring {
         let inverse = Cholesky::new(covariance)?.inverse();
         let weighed = &inverse * z;
         let relative: Vec<DMatrix<f64>> = scaled.iter().map(|part| &inverse * part).collect();
-        let gradient = scaled
-            .iter()
-            .zip(&relative)
-            .map(|(part, relative)| 0.5 * (weighed.dot(&(part * &weighed)) - relative.trace()));
-        let gradient = DVector::from_vec(gradient.collect());
-        let information = DMatrix::from_fn(parts.len(), parts.len(), |k, l| {
-            // The trace of the product.
-            0.5 * relative[k].dot(&relative[l].transpose())
-        });
-        let inverse = Cholesky::new(information)?.inverse();
-        Some(Self { gradient, inverse })
+        Self::of(&scaled, &relative, &weighed)
     }
 }
 

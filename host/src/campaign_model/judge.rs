@@ -308,7 +308,9 @@ impl<'m> Readings<'m> {
     /// Both factors, each with its relative standard uncertainty; `None` where the readings do not tell them, or neither seems
     /// off by `doubt` standard deviations.
     fn scales(&self, doubt: f64) -> Option<[(f64, f64); 2]> {
-        let parts = static_parts(self.campaign, self.model.scale_v_per_g(), self.under)?;
+        let packed = self.model.observations().correlated();
+        let scale_v_per_g = self.model.scale_v_per_g();
+        let parts = static_parts(self.campaign, scale_v_per_g, self.under, packed)?;
         let found = self.beyond.scales(self.residuals, &parts, doubt)?;
         let of = |noise: Noise, (factor, relative): (f64, f64)| {
             (self.under.factor(noise) * factor, relative)

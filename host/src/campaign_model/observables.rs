@@ -254,17 +254,18 @@ pub fn scale_factor(campaign: &Campaign) -> f64 {
 }
 
 /// What of the whitened covariance of the static readings is their own noise and what the errors of the dial's marks are;
-/// readings that are set aside have neither. `None` where other campaigns told of the marks.
+/// readings that are set aside have neither. `packed` is the factor that whitens, of observations under the same assumptions.
+/// `None` where other campaigns told of the marks.
 pub(super) fn static_parts(
     campaign: &Campaign,
     scale_v_per_g: f64,
     assumptions: &Assumptions,
+    packed: &[f64],
 ) -> Option<[DMatrix<f64>; 2]> {
     if campaign.config.mark_errors.is_some() {
         return None;
     }
     let order = campaign.readings.len();
-    let packed = static_factor(campaign, scale_v_per_g, assumptions);
     let lower = DMatrix::from_fn(order, order, |i, j| match j <= i {
         true => packed[i * (i + 1) / 2 + j],
         false => 0.0,
