@@ -15,7 +15,9 @@ use shared::wire::board::TimeBase;
 
 pub mod conveyor;
 pub mod drdy;
+pub mod external_clock;
 pub mod receiver;
+pub mod temperature;
 
 #[cfg(feature = "nucleo-f429zi")]
 #[path = "nucleo_f429zi/mod.rs"]

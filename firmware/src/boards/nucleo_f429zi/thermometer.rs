@@ -7,22 +7,24 @@ use firmware::sampler::Around;
 use shared::wire::board::TimeBase;
 
 use crate::boards::Surroundings;
+use crate::boards::temperature::{Line, Sensor};
 
-/// Codes at 30 and at 110 degrees with a supply of 3.3 V, which each part holds (DS9405, table 85).
-const CALIBRATION: [*const u16; 2] = [0x1FFF_7A2C as _, 0x1FFF_7A2E as _];
-const CALIBRATED_C: [f32; 2] = [30.0, 110.0];
-
-/// The sensor's slope and value without them (DS9405, table 84: 2.5 mV/K, 0.76 V at 25 degrees), in codes of 3.3 V.
-const TYPICAL: [f32; 2] = [
-    (0.76 + 5.0 * 2.5e-3) / 3.3 * 4096.0,
-    (0.76 + 85.0 * 2.5e-3) / 3.3 * 4096.0,
-];
+/// The codes of a supply of 3.3 V that each part holds (DS9405, table 85); without them the sensor's slope and value (table 84:
+/// 2.5 mV/K, 0.76 V at 25 degrees).
+const SENSOR: Sensor = Sensor {
+    calibration: [0x1FFF_7A2C as _, 0x1FFF_7A2E as _],
+    plausible: [500, 4096],
+    typical: [
+        (0.76 + 5.0 * 2.5e-3) / 3.3 * 4096.0,
+        (0.76 + 85.0 * 2.5e-3) / 3.3 * 4096.0,
+    ],
+};
 
 /// The sensor.
 pub struct Thermometer {
     converter: Adc<'static, ADC1>,
     sensor: Temperature,
-    codes: [f32; 2],
+    line: Line,
     time_base: TimeBase,
 }
 
@@ -31,19 +33,10 @@ impl Thermometer {
     pub fn new(converter: Peri<'static, ADC1>, time_base: TimeBase) -> Self {
         let converter = Adc::new(converter);
         let sensor = converter.enable_temperature();
-        // SAFETY: the part's system memory, which is always readable and never changes.
-        #[allow(unsafe_code)]
-        let held = CALIBRATION.map(|address| unsafe { address.read_volatile() });
-        let plausible = held[0] > 500 && held[1] > held[0] && held[1] < 4096;
-        let codes = if plausible {
-            held.map(f32::from)
-        } else {
-            TYPICAL
-        };
         Self {
             converter,
             sensor,
-            codes,
+            line: Line::new(&SENSOR),
             time_base,
         }
     }
@@ -54,13 +47,6 @@ impl Surroundings for Thermometer {
         let code = self
             .converter
             .blocking_read(&mut self.sensor, SampleTime::CYCLES480);
-        let [low, high] = self.codes;
-        let [low_c, high_c] = CALIBRATED_C;
-        let board_c = low_c + (f32::from(code) - low) * (high_c - low_c) / (high - low);
-        Around {
-            board_c: Some(board_c),
-            instrument_c: None,
-            time_base_unsure: self.time_base == TimeBase::Internal,
-        }
+        self.line.around(code, self.time_base)
     }
 }

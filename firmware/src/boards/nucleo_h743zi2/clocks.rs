@@ -11,25 +11,16 @@ use embassy_stm32::rcc::{self, PllDiv, PllMul, PllPreDiv, PllSource, mux};
 use embassy_stm32::time::Hertz;
 use shared::wire::board::TimeBase;
 
+use crate::boards::external_clock;
+
 /// How often it is looked whether the external clock has come. A look takes some twenty cycles of the 64 MHz that the part
 /// starts with: 0.3 s, far below what the watchdog waits.
 const LOOKS: u32 = 1_000_000;
 
-/// True if the external clock comes.
-fn external_comes() -> bool {
-    RCC.cr().modify(|w| w.set_hsebyp(true));
-    RCC.cr().modify(|w| w.set_hseon(true));
-    let comes = (0..LOOKS).any(|_| RCC.cr().read().hserdy());
-    if !comes {
-        RCC.cr().modify(|w| w.set_hseon(false));
-    }
-    comes
-}
-
 /// Starts the clocks and all that hangs on them.
 pub fn start() -> (Peripherals, TimeBase) {
     let mut config = embassy_stm32::Config::default();
-    let (source, prediv, time_base) = if external_comes() {
+    let (source, prediv, time_base) = if external_clock::comes(LOOKS) {
         config.rcc.hse = Some(rcc::Hse {
             freq: Hertz(8_000_000),
             mode: rcc::HseMode::Bypass,
