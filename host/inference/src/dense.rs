@@ -54,6 +54,26 @@ impl Cholesky {
     }
 }
 
+/// L^-T of a lower triangle L.
+pub(crate) fn inverse_transposed(lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let order = lower.nrows();
+    // Its columns are the rows of L^-1: each is a unit less multiples of those above.
+    let mut columns = vec![0.0; order * order];
+    for i in 0..order {
+        let (above, own) = columns.split_at_mut(i * order);
+        for (column, factor) in above.chunks_exact(order).zip(&lower.row(i)) {
+            for (own, value) in own[..i].iter_mut().zip(column) {
+                *own -= factor * value;
+            }
+        }
+        own[i] = 1.0;
+        own[..=i]
+            .iter_mut()
+            .for_each(|value| *value /= lower[(i, i)]);
+    }
+    DMatrix::from_vec(order, order, columns)
+}
+
 /// Sum of products.
 #[inline]
 pub fn inner_product(x: &[f64], y: &[f64]) -> f64 {
@@ -78,5 +98,12 @@ mod tests {
         let determinant = 4.0 * (15.0 - 1.0) - 2.0 * (6.0 - 0.6) + 0.6 * (2.0 - 3.0);
         assert!((factor.log_determinant() - f64::ln(determinant)).abs() < 1e-14);
         assert!(Cholesky::new(vec![1.0, 2.0, 2.0, 1.0], 2).is_none());
+    }
+
+    #[test]
+    fn a_lower_triangle_times_its_inverse_is_the_identity() {
+        let lower = DMatrix::from_row_slice(3, 3, &[2.0, 0.0, 0.0, 0.5, 3.0, 0.0, -1.0, 0.7, 1.5]);
+        let product = &lower * inverse_transposed(&lower).transpose();
+        assert!((product - DMatrix::identity(3, 3)).amax() < 1e-15);
     }
 }

@@ -4,7 +4,9 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::dense::inner_product;
+use nalgebra::DMatrix;
+
+use crate::dense::{inner_product, inverse_transposed};
 
 /// A vector over all observations; what lies outside its span is zero and costs nothing.
 #[derive(Clone, Debug)]
@@ -254,9 +256,13 @@ impl Observations {
         self
     }
 
-    /// The packed lower Cholesky factor of the covariance of the first observable's rows.
-    pub fn correlated(&self) -> &[f64] {
-        &self.correlated
+    /// L^-T of the Cholesky factor L of the covariance of the first observable's rows: its transpose whitens them.
+    pub fn whitening(&self) -> DMatrix<f64> {
+        let order = self.observables[0].rows.len();
+        inverse_transposed(&DMatrix::from_fn(order, order, |i, j| match j <= i {
+            true => self.correlated[i * (i + 1) / 2 + j],
+            false => 0.0,
+        }))
     }
 
     /// The same rows, each in its own unit and none unobserved: for predictions. Only the first observable stays whitened.

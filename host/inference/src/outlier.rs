@@ -4,7 +4,11 @@
 //! what all unknowns leave, the shift's estimate over its standard deviation is c'Pr / sqrt(c'Pc): for rows of their own
 //! error the studentized residual, for correlated ones the residual given all the others.
 
-use crate::dense::{Cholesky, inner_product};
+use std::ops::Range;
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use crate::dense::inverse_transposed;
 use crate::fit::Fit;
 use crate::model::SeparableModel;
 use crate::observations::Column;
@@ -13,6 +17,8 @@ use crate::observations::Column;
 const LEAST_LEFT: f64 = 1e-5;
 /// Ridge on columns of unit information: such that are alike are told apart no further.
 const RIDGE: f64 = 1e-6;
+/// Rows that are taken at once.
+const BLOCK: usize = 512;
 
 /// Of each row its distance from what a fit with `further` columns expects of it, in standard deviations; zero where nothing
 /// was observed or nothing is left to tell it by.
@@ -20,108 +26,112 @@ pub fn distances(model: &dyn SeparableModel, fit: &Fit, further: &[Column]) -> V
     let observations = model.observations();
     let roots = fit.precision_factor.iter().map(|factor| factor.sqrt());
     let weigh = |column: &Column| observations.times(column, roots.clone());
-    let own: Vec<Column> = fit.columns.iter().map(weigh).collect();
+    let n = fit.columns.len();
     let mut left = Left {
-        own,
-        covariance: &fit.covariance,
+        own: fit.columns.iter().map(weigh).collect(),
+        covariance: DMatrix::from_row_slice(n, n, &fit.covariance),
         further: Vec::new(),
         factor: None,
         residuals: fit.residuals.clone(),
     };
     left.eliminate(further.iter().map(weigh).collect());
     let correlated = observations.observables()[0].rows.clone();
-    let distance = |row: usize| {
-        if correlated.contains(&row) {
-            let mut unit = Column::zero(observations.len());
-            unit.add_at(correlated.clone(), row - correlated.start, 1.0);
-            let unit = observations.whiten(unit);
-            left.distance(correlated.clone(), &unit.part(correlated.clone()))
-        } else if observations.weight(row) == 0.0 {
-            0.0
-        } else {
-            left.distance(row..row + 1, &[1.0])
+    let units = observations.whitening();
+    let mut found = left.distances(correlated.clone(), Some(&units));
+    for start in (correlated.end..observations.len()).step_by(BLOCK) {
+        let rows = start..(start + BLOCK).min(observations.len());
+        found.extend(left.distances(rows, None));
+    }
+    for row in correlated.end..observations.len() {
+        if observations.weight(row) == 0.0 {
+            found[row] = 0.0;
         }
-    };
-    (0..observations.len()).map(distance).collect()
+    }
+    found
 }
 
 /// What a fit and further columns leave.
-struct Left<'f> {
+struct Left {
     own: Vec<Column>,
-    covariance: &'f [f64],
+    covariance: DMatrix<f64>,
     /// Further columns without what the fit's own imitate of them, of unit length.
-    further: Vec<Vec<f64>>,
-    factor: Option<Cholesky>,
+    further: Vec<DVector<f64>>,
+    /// L^-T of the Cholesky factor L of their inner products.
+    factor: Option<DMatrix<f64>>,
     residuals: Vec<f64>,
 }
 
-impl Left<'_> {
+impl Left {
     fn eliminate(&mut self, further: Vec<Column>) {
-        let n = self.own.len();
-        for column in &further {
-            let across: Vec<f64> = self.own.iter().map(|c| c.dot(column)).collect();
+        let across = further
+            .iter()
+            .flat_map(|column| self.own.iter().map(|own| own.dot(column)));
+        let across = DMatrix::from_iterator(self.own.len(), further.len(), across);
+        let parts = &self.covariance * across;
+        for (column, parts) in further.iter().zip(parts.column_iter()) {
             let mut rest = column.to_vec();
-            for (row, own) in self.covariance.chunks_exact(n).zip(&self.own) {
-                let part = inner_product(row, &across);
+            for (part, own) in parts.iter().zip(&self.own) {
                 own.add_to(&mut rest, -part);
             }
-            let (square, whole) = (inner_product(&rest, &rest), column.dot(column));
+            let rest = DVector::from_vec(rest);
+            let (square, whole) = (rest.norm_squared(), column.dot(column));
             if square > RIDGE * whole {
-                let size = square.sqrt().recip();
-                rest.iter_mut().for_each(|r| *r *= size);
-                self.further.push(rest);
+                self.further.push(rest / square.sqrt());
             }
         }
-        let k = self.further.len();
-        let mut matrix = vec![0.0; k * k];
-        for i in 0..k {
-            for j in 0..=i {
-                matrix[i * k + j] = inner_product(&self.further[i], &self.further[j]);
-            }
-            matrix[i * k + i] += RIDGE;
+        if self.further.is_empty() {
+            return;
         }
-        let Some(factor) = Cholesky::new(matrix, k).filter(|_| k > 0) else {
+        let columns = DMatrix::from_columns(&self.further);
+        let mut matrix = columns.transpose() * &columns;
+        (0..matrix.nrows()).for_each(|i| matrix[(i, i)] += RIDGE);
+        let Some(factor) = Cholesky::new(matrix) else {
             self.further.clear();
             return;
         };
-        let right = self
-            .further
-            .iter()
-            .map(|c| inner_product(c, &self.residuals));
-        let mut x: Vec<f64> = right.collect();
-        factor.solve(&mut x);
-        for (x, column) in x.iter().zip(&self.further) {
-            self.residuals
-                .iter_mut()
-                .zip(column)
-                .for_each(|(r, v)| *r -= x * v);
-        }
-        self.factor = Some(factor);
+        let mut residuals = DVector::from_column_slice(&self.residuals);
+        let explained = factor.solve(&columns.tr_mul(&residuals));
+        residuals -= columns * explained;
+        self.residuals = residuals.as_slice().to_vec();
+        self.factor = Some(inverse_transposed(&factor.unpack()));
     }
 
-    /// c'Pr / sqrt(c'Pc) of a column that is `unit` in some rows and zero elsewhere.
-    fn distance(&self, rows: std::ops::Range<usize>, unit: &[f64]) -> f64 {
-        let n = self.own.len();
-        let whole = inner_product(unit, unit);
-        let along = |column: &[f64]| inner_product(unit, &column[rows.clone()]);
-        let own = self
-            .own
+    /// c'Pr / sqrt(c'Pc) of the unit of each of some rows, or of the columns C that are given as `units` = C^T.
+    fn distances(&self, rows: Range<usize>, units: Option<&DMatrix<f64>>) -> Vec<f64> {
+        let seen = |part: DMatrix<f64>| match units {
+            Some(units) => units * part,
+            None => part,
+        };
+        let own = self.own.iter().flat_map(|c| c.part(rows.clone()).to_vec());
+        let own = DMatrix::from_iterator(rows.len(), self.own.len(), own);
+        let further = self
+            .further
             .iter()
-            .map(|c| inner_product(unit, &c.part(rows.clone())));
-        let x: Vec<f64> = own.collect();
-        let covariance = self.covariance.chunks_exact(n).zip(&x);
-        let mut information = whole
-            - covariance
-                .map(|(row, x_i)| x_i * inner_product(row, &x))
-                .sum::<f64>();
+            .flat_map(|c| &c.as_slice()[rows.clone()]);
+        let further = DMatrix::from_iterator(rows.len(), self.further.len(), further.copied());
+        let residuals = DMatrix::from_column_slice(rows.len(), 1, &self.residuals[rows.clone()]);
+        let (own, further, along) = (seen(own), seen(further), seen(residuals));
+        let whole = match units {
+            Some(units) => squares(units, units),
+            None => DVector::repeat(rows.len(), 1.0),
+        };
+        let mut information = &whole - squares(&own, &(&own * &self.covariance));
         if let Some(factor) = &self.factor {
-            let mut x: Vec<f64> = self.further.iter().map(|c| along(c)).collect();
-            factor.forward(&mut x);
-            information -= inner_product(&x, &x);
+            let further = further * factor;
+            information -= squares(&further, &further);
         }
-        if information < LEAST_LEFT * whole {
-            return 0.0;
-        }
-        along(&self.residuals) / information.sqrt()
+        let distance = |((along, information), whole): ((&f64, &f64), &f64)| match *information
+            < LEAST_LEFT * whole
+        {
+            true => 0.0,
+            false => along / information.sqrt(),
+        };
+        let known = along.iter().zip(&information).zip(&whole);
+        known.map(distance).collect()
     }
+}
+
+/// Row by row the inner product of two matrices.
+fn squares(one: &DMatrix<f64>, other: &DMatrix<f64>) -> DVector<f64> {
+    one.component_mul(other).column_sum()
 }

@@ -6,72 +6,67 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
+use crate::dense::inverse_transposed;
+
 /// Least part of an unknown's column beside the others that counts as its own.
 const LEAST_LEFT: f64 = 1e-8;
-/// Most steps, greatest step of a variance's logarithm, and the step at which the search ends.
+/// Most steps, greatest step of a variance's logarithm, and the step, in standard deviations, at which the search ends.
 const STEPS: usize = 60;
 const LONGEST: f64 = 1.0;
-const SETTLED: f64 = 1e-4;
+const SETTLED: f64 = 0.01;
 /// Bounds of a variance's logarithm: a hundred times the stated standard deviation, and a hundredth of it.
 const BOUND: f64 = 9.21;
 
-/// What of some correlated rows lies beyond all unknowns: an orthonormal base of it, column by column.
-pub struct Beyond(DMatrix<f64>);
+/// What of some correlated rows all unknowns take: an orthonormal base of it.
+pub struct Beyond {
+    rows: usize,
+    taken: Vec<DVector<f64>>,
+}
 
 impl Beyond {
     /// Of so many rows; `unknowns` are the whitened columns of all that was or may be fitted.
     pub fn new(rows: usize, unknowns: &[Vec<f64>]) -> Self {
-        let mut base: Vec<DVector<f64>> = Vec::new();
+        let mut taken: Vec<DVector<f64>> = Vec::new();
         for unknown in unknowns {
             let column = DVector::from_column_slice(unknown);
             let least = LEAST_LEFT * column.norm();
-            extend(&mut base, column, least);
+            extend(&mut taken, column, least);
         }
-        let taken = base.len();
-        for row in 0..rows {
-            let mut unit = DVector::zeros(rows);
-            unit[row] = 1.0;
-            extend(&mut base, unit, LEAST_LEFT.sqrt());
-        }
-        Self(
-            match base.get(taken..).filter(|beyond| !beyond.is_empty()) {
-                Some(beyond) => DMatrix::from_columns(beyond),
-                None => DMatrix::zeros(rows, 0),
-            },
-        )
+        Self { rows, taken }
     }
 
     /// Of each error the factor on its stated standard deviation, with the factor's relative standard uncertainty.
     /// `residuals` are whitened by the stated covariance, and `parts` what each error adds to the whitened covariance, no more than
-    /// the identity in sum. `None` where nothing tells them, or by the first step nothing is off by `doubt` standard deviations
-    /// (score test).
+    /// the identity in sum. `None` where nothing tells them, or by the first step none is off by its standard deviations in
+    /// `doubt` (score test).
     pub fn scales(
         &self,
         residuals: &[f64],
         parts: &[DMatrix<f64>],
-        doubt: f64,
+        doubt: &[f64],
     ) -> Option<Vec<(f64, f64)>> {
-        let z = self.of(residuals);
-        if z.is_empty() || parts.is_empty() {
+        if self.taken.len() >= self.rows || parts.is_empty() {
             return None;
         }
-        let inside = |part: &DMatrix<f64>| self.0.tr_mul(&(part * &self.0));
+        if self.as_stated(residuals, parts)?.nothing_off_by(doubt) {
+            return None;
+        }
+        let base = self.base();
+        let z = &base * DVector::from_column_slice(residuals);
+        let transposed = base.transpose();
+        let inside = |part: &DMatrix<f64>| &base * (part * &transposed);
         let parts: Vec<DMatrix<f64>> = parts.iter().map(inside).collect();
-        let first = Scoring::as_stated(&parts, &z)?;
-        if first.nothing_off_by(doubt) {
-            return None;
-        }
         let all = DMatrix::identity(z.len(), z.len());
         let fixed = parts.iter().fold(all, |rest, part| rest - part);
         let mut logarithms = vec![0.0_f64; parts.len()];
-        let mut scoring = first;
+        let mut scoring = Scoring::new(&fixed, &parts, &z, &logarithms)?;
         for _ in 0..STEPS {
             let step = scoring.step();
             for (logarithm, step) in logarithms.iter_mut().zip(step.iter()) {
                 *logarithm = (*logarithm + step.clamp(-LONGEST, LONGEST)).clamp(-BOUND, BOUND);
             }
             scoring = Scoring::new(&fixed, &parts, &z, &logarithms)?;
-            if step.amax() < SETTLED {
+            if scoring.nothing_off_by(&vec![SETTLED; parts.len()]) {
                 break;
             }
         }
@@ -82,8 +77,43 @@ impl Beyond {
         Some(logarithms.iter().enumerate().map(scale).collect())
     }
 
-    fn of(&self, residuals: &[f64]) -> DVector<f64> {
-        self.0.tr_mul(&DVector::from_column_slice(residuals))
+    /// What is taken, column by column.
+    fn taken(&self) -> DMatrix<f64> {
+        match self.taken.as_slice() {
+            [] => DMatrix::zeros(self.rows, 0),
+            taken => DMatrix::from_columns(taken),
+        }
+    }
+
+    /// An orthonormal base of what lies beyond the unknowns, row by row: what Householder's reflections that take the unknowns to
+    /// the first axes take to the others.
+    fn base(&self) -> DMatrix<f64> {
+        let mut all = DMatrix::identity(self.rows, self.rows);
+        let count = self.taken.len();
+        if count > 0 {
+            self.taken().qr().q_tr_mul(&mut all);
+        }
+        all.rows(count, self.rows - count).into_owned()
+    }
+
+    /// The scoring where the whole covariance is the identity, without that base: with the projection P = 1 - Q Q^T for K K^T.
+    fn as_stated(&self, residuals: &[f64], parts: &[DMatrix<f64>]) -> Option<Scoring> {
+        let taken = self.taken();
+        let residuals = DVector::from_column_slice(residuals);
+        let left = &residuals - &taken * taken.tr_mul(&residuals);
+        let across: Vec<DMatrix<f64>> = parts.iter().map(|part| part * &taken).collect();
+        let transposed = taken.transpose();
+        let within: Vec<DMatrix<f64>> = across.iter().map(|a| &transposed * a).collect();
+        let gradient = |(k, part): (usize, &DMatrix<f64>)| {
+            0.5 * (left.dot(&(part * &left)) - (part.trace() - within[k].trace()))
+        };
+        let gradient = DVector::from_iterator(parts.len(), parts.iter().enumerate().map(gradient));
+        // Parts are symmetric: the trace of a product is the inner product.
+        let information = DMatrix::from_fn(parts.len(), parts.len(), |k, l| {
+            let outside = parts[k].dot(&parts[l]) - 2.0 * across[k].dot(&across[l]);
+            0.5 * (outside + within[k].dot(&within[l]))
+        });
+        Scoring::of(gradient, information)
     }
 }
 
@@ -94,39 +124,10 @@ struct Scoring {
 }
 
 impl Scoring {
-    /// Where the whole covariance is the identity.
-    fn as_stated(parts: &[DMatrix<f64>], z: &DVector<f64>) -> Option<Self> {
-        Self::of(parts, parts, z)
-    }
-
-    /// By each part of the covariance V, V^-1 times that part, and V^-1 z. `None` if the information is singular.
-    fn of(
-        parts: &[DMatrix<f64>],
-        relative: &[DMatrix<f64>],
-        weighed: &DVector<f64>,
-    ) -> Option<Self> {
-        let gradient = parts
-            .iter()
-            .zip(relative)
-            .map(|(part, relative)| 0.5 * (weighed.dot(&(part * weighed)) - relative.trace()));
-        let gradient = DVector::from_vec(gradient.collect());
-        let information = DMatrix::from_fn(parts.len(), parts.len(), |k, l| {
-            // The trace of the product.
-            0.5 * relative[k].dot(&relative[l].transpose())
-        });
+    /// `None` if the information is singular.
+    fn of(gradient: DVector<f64>, information: DMatrix<f64>) -> Option<Self> {
         let inverse = Cholesky::new(information)?.inverse();
         Some(Self { gradient, inverse })
-    }
-
-    fn step(&self) -> DVector<f64> {
-        &self.inverse * &self.gradient
-    }
-
-    /// Whether no variance is that many standard deviations of its logarithm off.
-    fn nothing_off_by(&self, doubt: f64) -> bool {
-        let step = self.step();
-        let sigma = |k: usize| self.inverse[(k, k)].max(0.0).sqrt();
-        (0..step.len()).all(|k| step[k].abs() < doubt * sigma(k))
     }
 
     /// `None` if a covariance or the information is singular.
@@ -142,11 +143,38 @@ impl Scoring {
             .map(|(part, logarithm)| part * logarithm.exp())
             .collect();
         let covariance = scaled.iter().fold(fixed.clone(), |sum, part| sum + part);
-        let inverse = Cholesky::new(covariance)?.inverse();
+        let inverse = inverse(covariance)?;
         let weighed = &inverse * z;
         let relative: Vec<DMatrix<f64>> = scaled.iter().map(|part| &inverse * part).collect();
-        Self::of(&scaled, &relative, &weighed)
+        let gradient = scaled
+            .iter()
+            .zip(&relative)
+            .map(|(part, relative)| 0.5 * (weighed.dot(&(part * &weighed)) - relative.trace()));
+        let gradient = DVector::from_iterator(parts.len(), gradient);
+        let information = DMatrix::from_fn(parts.len(), parts.len(), |k, l| {
+            // The trace of the product.
+            0.5 * relative[k].dot(&relative[l].transpose())
+        });
+        Self::of(gradient, information)
     }
+
+    fn step(&self) -> DVector<f64> {
+        &self.inverse * &self.gradient
+    }
+
+    /// Whether no variance is its standard deviations in `doubt` off.
+    fn nothing_off_by(&self, doubt: &[f64]) -> bool {
+        let step = self.step();
+        let sigma = |k: usize| self.inverse[(k, k)].max(0.0).sqrt();
+        (0..step.len()).all(|k| step[k].abs() < doubt[k] * sigma(k))
+    }
+}
+
+/// Of a symmetric positive definite matrix.
+fn inverse(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let upper = inverse_transposed(&Cholesky::new(matrix)?.unpack());
+    let transposed = upper.transpose();
+    Some(upper * transposed)
 }
 
 /// Adds to an orthonormal base what of a column lies beyond it, if that is longer than `least`.
@@ -220,7 +248,9 @@ mod tests {
             let errors = DVector::from_iterator(ROWS, errors);
             let residuals = lower.solve_lower_triangular(&errors).unwrap();
             let beyond = Beyond::new(ROWS, &unknowns);
-            let found = beyond.scales(residuals.as_slice(), &parts, 1.0).unwrap();
+            let found = beyond
+                .scales(residuals.as_slice(), &parts, &[1.0; 2])
+                .unwrap();
             for k in 0..2 {
                 let z = (found[k].0 / TRUE[k]).ln() / found[k].1;
                 squares[k] += z * z / CAMPAIGNS as f64;
@@ -237,11 +267,11 @@ mod tests {
     #[test]
     fn nothing_is_said_of_what_no_row_tells() {
         let one = Beyond::new(1, &[vec![1.0]]);
-        assert_eq!(one.scales(&[1.0], &[DMatrix::identity(1, 1)], 0.0), None);
+        assert_eq!(one.scales(&[1.0], &[DMatrix::identity(1, 1)], &[0.0]), None);
         let two = Beyond::new(2, &[vec![1.0, 1.0]]);
         // A residual of its stated size.
         assert_eq!(
-            two.scales(&[0.7, -0.7], &[DMatrix::identity(2, 2)], 1.0),
+            two.scales(&[0.7, -0.7], &[DMatrix::identity(2, 2)], &[1.0]),
             None
         );
     }

@@ -305,13 +305,15 @@ impl<'m> Readings<'m> {
         }
     }
 
-    /// Both factors, each with its relative standard uncertainty; `None` where the readings do not tell them, or neither seems
-    /// off by `doubt` standard deviations.
+    /// Both factors, each with its relative standard uncertainty; `None` where the readings do not tell them, or that of the
+    /// marks does not seem off by `doubt` standard deviations.
     fn scales(&self, doubt: f64) -> Option<[(f64, f64); 2]> {
-        let packed = self.model.observations().correlated();
+        let whitening = self.model.observations().whitening();
         let scale_v_per_g = self.model.scale_v_per_g();
-        let parts = static_parts(self.campaign, scale_v_per_g, self.under, packed)?;
-        let found = self.beyond.scales(self.residuals, &parts, doubt)?;
+        let parts = static_parts(self.campaign, scale_v_per_g, self.under, &whitening)?;
+        let found = self
+            .beyond
+            .scales(self.residuals, &parts, &[f64::INFINITY, doubt])?;
         let of = |noise: Noise, (factor, relative): (f64, f64)| {
             (self.under.factor(noise) * factor, relative)
         };

@@ -254,52 +254,39 @@ pub fn scale_factor(campaign: &Campaign) -> f64 {
 }
 
 /// What of the whitened covariance of the static readings is their own noise and what the errors of the dial's marks are;
-/// readings that are set aside have neither. `packed` is the factor that whitens, of observations under the same assumptions.
+/// readings that are set aside have neither. `whitening` is that of observations under the same assumptions.
 /// `None` where other campaigns told of the marks.
 pub(super) fn static_parts(
     campaign: &Campaign,
     scale_v_per_g: f64,
     assumptions: &Assumptions,
-    packed: &[f64],
+    whitening: &DMatrix<f64>,
 ) -> Option<[DMatrix<f64>; 2]> {
     if campaign.config.mark_errors.is_some() {
         return None;
     }
     let order = campaign.readings.len();
-    let lower = DMatrix::from_fn(order, order, |i, j| match j <= i {
-        true => packed[i * (i + 1) / 2 + j],
-        false => 0.0,
-    });
     let stated = bench(&campaign.config.bench);
     let sigma_g = stated.local_gravity_g * assumptions.factor(Noise::Marks) * stated.dial_sigma_rad;
-    let counts = |place: usize| !assumptions.excluded_readings.contains(&place);
-    let places: Vec<(f64, f64)> = campaign
-        .readings
-        .iter()
-        .map(|reading| {
-            let place = position(reading);
-            let tangent = place.series.tangent(place.phi_rad()).i;
-            (within_a_turn(place.dial_deg), tangent)
-        })
-        .collect();
-    let marks = DMatrix::from_fn(order, order, |i, j| {
-        let ((mark, by_angle), (other, by_other)) = (places[i], places[j]);
-        match counts(i) && counts(j) && mark == other {
-            true => sigma_g * sigma_g * by_angle * by_other,
-            false => 0.0,
-        }
-    });
     let factor = assumptions.factor(Noise::Readings) / scale_v_per_g;
-    let own = DMatrix::from_fn(order, order, |i, j| match i == j && counts(i) {
-        true => (factor * campaign.readings[i].sigma_v).powi(2),
-        false => 0.0,
-    });
-    // L^-1 A L^-T of a symmetric A.
-    let whitened = |part: DMatrix<f64>| {
-        let half = lower.solve_lower_triangular(&part)?;
-        lower.solve_lower_triangular(&half.transpose())
-    };
-    Some([whitened(own)?, whitened(marks)?])
+    let mut own = whitening.clone();
+    let mut known: Vec<f64> = Vec::new();
+    let mut marks = DMatrix::zeros(order, order);
+    for (place, reading) in campaign.readings.iter().enumerate() {
+        let counts = f64::from(u8::from(!assumptions.excluded_readings.contains(&place)));
+        own.row_mut(place)
+            .scale_mut(counts * factor * reading.sigma_v);
+        let at = position(reading);
+        let mark = within_a_turn(at.dial_deg);
+        let index = known.iter().position(|known| *known == mark);
+        let index = index.unwrap_or_else(|| {
+            known.push(mark);
+            known.len() - 1
+        });
+        marks[(place, index)] = counts * sigma_g * at.series.tangent(at.phi_rad()).i;
+    }
+    let marks = whitening.transpose() * marks.columns(0, known.len());
+    Some([own.transpose() * own, &marks * marks.transpose()])
 }
 
 /// Cholesky factor of the covariance of the static readings, packed as that is.

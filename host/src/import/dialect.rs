@@ -216,6 +216,7 @@ fn header(
 ) -> (usize, u8, usize) {
     let mut best = (0, delimiters[0], 0);
     let mut widest = 0;
+    let most = wanted.len().max(1);
     let candidates = || lines.iter().take(PREAMBLE).enumerate();
     let plain = candidates().filter(|(_, line)| !line.is_comment());
     // A line of comment is a header only where no other is, as some programs write theirs.
@@ -235,7 +236,7 @@ fn header(
                 widest = names.len();
             }
         }
-        if best.2 > 0 && line.is_comment() {
+        if best.2 == most || best.2 > 0 && line.is_comment() {
             break;
         }
     }
