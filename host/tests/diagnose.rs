@@ -415,6 +415,9 @@ fn what_effects_close_on_new_runs_is_what_is_stated() {
     let (mut held, mut all, mut worse) = (0, 0, 0);
     for outcome in &board.outcomes {
         worse += usize::from(outcome.hold_out_ratio > 1.05);
+        if let Some([low, high]) = outcome.closed_interval {
+            assert!(0.0 <= low && low <= high && high <= 1.0, "{low} to {high}");
+        }
         if let (Some(closed), Some([low, high])) = (outcome.closed, outcome.closed_interval) {
             held += usize::from((low..=high).contains(&closed));
             all += 1;

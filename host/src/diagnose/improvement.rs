@@ -46,7 +46,7 @@ const RISK: f64 = 0.02;
 pub(super) struct ExpectedImprovement {
     /// Median, 0 to 1; 0 if the effects are not used in predictions.
     pub(super) fraction: f64,
-    /// Central 90 %.
+    /// Central 90 %, cut at 0.
     pub(super) interval: [f64; 2],
 }
 
@@ -90,7 +90,7 @@ pub(super) fn expected_improvement(
     }
     ExpectedImprovement {
         fraction,
-        interval: [quantile(0.05), quantile(0.95)],
+        interval: [quantile(0.05).max(0.0), quantile(0.95)],
     }
 }
 
