@@ -82,12 +82,16 @@ impl<'m> Remainder<'m> {
         2.0 * right[0] - matrix[0]
     }
 
-    /// Correlation of signatures, as far as the fit cannot imitate them.
+    /// Correlation of signatures, as far as the fit cannot imitate them; one that it imitates to rounding is like none.
     pub fn similarity(&self, signatures: &[&Column]) -> Vec<Vec<f64>> {
         let k = signatures.len();
         let (matrix, _) = self.normal(signatures);
-        let size = |i: usize| matrix[i * k + i].max(f64::MIN_POSITIVE).sqrt();
-        let like = |i: usize, j: usize| matrix[i * k + j] / (size(i) * size(j));
+        let left = |i: usize| Some(matrix[i * k + i].sqrt()).filter(|left| *left > 0.0);
+        let like = |i: usize, j: usize| match (left(i), left(j)) {
+            _ if i == j => 1.0,
+            (Some(one), Some(other)) => (matrix[i * k + j] / (one * other)).clamp(-1.0, 1.0),
+            _ => 0.0,
+        };
         (0..k)
             .map(|i| (0..k).map(|j| like(i, j)).collect())
             .collect()

@@ -6,6 +6,7 @@ use common::*;
 use inference::fit::{fit, fit_base};
 use inference::information::{expected_bits, separations};
 use inference::model::SeparableModel;
+use inference::remainder::Remainder;
 
 /// Mutual information, bits, of a measurement whose mean is one of `places` in units of its noise, with its standard error.
 fn simulated_bits(p: &[f64], places: &[Vec<f64>], random: &mut Random) -> (f64, f64) {
@@ -109,5 +110,26 @@ fn a_separation_is_what_a_fit_leaves_of_the_other_hypothesis() {
         }
         assert_eq!(said[0][0], 0.0);
         assert_eq!(model.components().len(), 6);
+    }
+}
+
+#[test]
+fn correlations_of_signatures_are_within_one_even_of_such_that_the_fit_nearly_imitates() {
+    for seed in 0..20 {
+        let mut random = Random::new(seed);
+        let model = Synthetic::draw(&mut random, &[]);
+        let fit = fit_base(&model).unwrap();
+        let mut twin = fit.columns[1].clone();
+        twin.add(&fit.columns[2]);
+        let draws = UNCERTAIN.map(|_| random.normal());
+        let mut own = vec![0.0; ROWS];
+        own[UNCERTAIN].copy_from_slice(&draws.collect::<Vec<_>>());
+        let own = model.observations().column(own);
+        let like = Remainder::new(&model, &fit).similarity(&[&twin, &own, &own, &fit.columns[0]]);
+        for (i, row) in like.iter().enumerate() {
+            assert!(row.iter().all(|r| r.abs() <= 1.0), "{seed}: {row:?}");
+            assert_eq!(row[i], 1.0);
+        }
+        assert!((like[1][2] - 1.0).abs() < 1e-9);
     }
 }
