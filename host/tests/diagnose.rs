@@ -442,6 +442,41 @@ fn blind_check_gives_the_same_figures_whatever_the_number_of_threads() {
     assert_eq!(board(1), board(3));
 }
 
+/// Angles of 45 deg and few runs alias the period of a converter's error: several fit alike, and the uncertainty reaches to
+/// all of them. 96 runs and all angles tell it.
+#[test]
+fn an_uncertainty_reaches_to_the_other_periods_that_fit() {
+    let cycles = |seed: u64, small: bool| {
+        let Simulation {
+            mut campaign,
+            truth,
+            ..
+        } = simulate(seed, Some(("adc-inl", 3.0)));
+        if small {
+            campaign.readings.retain(|r| r.dial_deg % 45.0 == 0.0);
+            campaign.runs.truncate(12);
+        }
+        let diagnosis = diagnose(&campaign, &[]).unwrap().diagnosis;
+        let best = &diagnosis.which[0];
+        let found = best.parameters.iter().find(|p| p.name == "cycles")?;
+        let truth = truth.effects[0].parameters["cycles"].as_f64().unwrap();
+        (best.effects == ["adc-inl"]).then(|| ((found.value - truth) / found.sigma, found.sigma))
+    };
+    let of = |small: bool| -> Vec<(f64, f64)> {
+        let seeds: Vec<u64> = (5000..5024).collect();
+        let found = seeds.par_iter().filter_map(|seed| cycles(*seed, small));
+        found.collect()
+    };
+    let (small, whole) = (of(true), of(false));
+    println!("{small:?}\n{whole:?}");
+    assert!(small.len() >= 15 && whole.len() >= 20);
+    let far = |found: &[(f64, f64)]| found.iter().filter(|(z, _)| z.abs() > 4.0).count();
+    assert!(far(&small) <= 2 && far(&whole) == 0);
+    // And no further than it must.
+    assert!(whole.iter().all(|(_, sigma)| *sigma < 0.2));
+    assert!(small.iter().any(|(_, sigma)| *sigma > 1.0));
+}
+
 #[test]
 fn the_order_of_rows_tells_nothing_of_the_noise() {
     let specification = Specification::with_dial_sigma(1.0);

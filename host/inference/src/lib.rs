@@ -19,6 +19,7 @@ pub mod held_out;
 pub mod information;
 pub mod linear;
 pub mod model;
+pub mod modes;
 mod normal;
 pub mod observations;
 pub mod outlier;

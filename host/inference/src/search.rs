@@ -212,12 +212,20 @@ fn carry_best(model: &mut dyn SeparableModel, policy: &SearchPolicy, fits: &mut 
 }
 
 /// A component at one of its starts with what it does there, if that is kept.
-struct Start {
-    member: Member,
+pub(crate) struct Start {
+    pub(crate) member: Member,
     prediction: Option<Prediction>,
 }
 
 impl Start {
+    /// Nothing kept.
+    pub(crate) fn of(member: Member) -> Self {
+        Self {
+            member,
+            prediction: None,
+        }
+    }
+
     fn predict(model: &dyn SeparableModel, member: &Member) -> Prediction {
         match model.components()[member.component].kind {
             Kind::AddsVariance => Prediction::default(),
@@ -227,7 +235,8 @@ impl Start {
 }
 
 /// Every start of every component.
-struct Starts(Vec<Start>);
+#[derive(Default)]
+pub(crate) struct Starts(Vec<Start>);
 
 impl Starts {
     fn new(model: &dyn SeparableModel, policy: &SearchPolicy) -> Self {
@@ -263,10 +272,11 @@ struct Promise {
     starts: Vec<(f64, Member)>,
 }
 
-struct Seek<'m> {
-    model: &'m dyn SeparableModel,
-    policy: &'m SearchPolicy,
-    starts: &'m Starts,
+/// A search on its way.
+pub(crate) struct Seek<'m> {
+    pub(crate) model: &'m dyn SeparableModel,
+    pub(crate) policy: &'m SearchPolicy,
+    pub(crate) starts: &'m Starts,
 }
 
 impl Seek<'_> {
@@ -414,7 +424,7 @@ impl Seek<'_> {
     }
 
     /// Drop of -2 log likelihood by a start on top of a fit.
-    fn gain(
+    pub(crate) fn gain(
         &self,
         base: &Fit,
         remainder: &Remainder<'_>,

@@ -3,17 +3,41 @@
 use inference::fit::Fit;
 use inference::model::Kind;
 use inference::model::SeparableModel;
+use inference::modes::modes;
 use inference::profile::{is_wide, over_its_range};
+use inference::search::SearchPolicy;
 use inference::variance::size;
 
 use super::answer::ParameterEstimate;
 use crate::campaign_model::CampaignModel;
 use crate::effects::{Effect, Renamed};
 
-/// What of a fit's parameters is reported. Names that start with an underscore are not.
+/// What of a fit's parameters is reported. Names that start with an underscore are not. Where other places of an effect's
+/// parameters do about as well, the uncertainty reaches to them, each by its share.
 pub(super) fn estimates(model: &CampaignModel, fit: &Fit) -> Vec<ParameterEstimate> {
     (0..fit.members.len())
-        .flat_map(|m| of_member(model, fit, m))
+        .flat_map(|m| {
+            let mut found = of_member(model, fit, m);
+            let modes = modes(model, &SearchPolicy::default(), fit, m);
+            if let [here, others @ ..] = &modes[..]
+                && !others.is_empty()
+            {
+                let mut squares: Vec<f64> =
+                    found.iter().map(|p| here.share * p.sigma.powi(2)).collect();
+                for mode in others {
+                    let there = of_member(model, &mode.fit, m);
+                    for ((square, here), there) in squares.iter_mut().zip(&found).zip(there) {
+                        let off = there.value - here.value;
+                        *square += mode.share * (off * off + there.sigma.powi(2));
+                    }
+                }
+                found
+                    .iter_mut()
+                    .zip(squares)
+                    .for_each(|(p, square)| p.sigma = square.sqrt());
+            }
+            found
+        })
         .collect()
 }
 
