@@ -159,7 +159,7 @@ fn harmonics_and_means_know_k2_better_than_the_means_alone() {
     assert!(all.error_of_means > FACTOR * FACTOR * all.error, "{all:?}");
 }
 
-/// How much sharper k2 is at least than by the means, which take k3 and k4 for it. Measured: 9.5 over these seeds.
+/// How much sharper k2 is at least than by the means, which take k3 and k4 for it. Measured with 500 seeds: 7.1.
 const FACTOR: f64 = 4.0;
 
 #[test]

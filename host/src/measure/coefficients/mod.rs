@@ -106,16 +106,7 @@ pub fn coefficients(
         block_s: blocks.length_s,
         amplitudes_g,
         dynamics: dynamics(&frequencies, &both),
-        harmonics: both
-            .noise
-            .iter()
-            .zip(1..)
-            .map(|(noise, order)| HarmonicFit {
-                order,
-                residual_g: noise.map(|part| part.rms_g),
-                unsteadiness: noise.map(|part| part.unsteadiness),
-            })
-            .collect(),
+        harmonics: left(&both),
         tests: plateaus
             .iter()
             .map(|seen| seen.test(&alone, &both))
@@ -170,6 +161,17 @@ fn of_means(means: &[Mean]) -> Option<Quantity> {
         let value = weighted(|mean| mean.shift_g) / information;
         Quantity::new(value, information.sqrt().recip())
     })
+}
+
+/// What the model leaves of each harmonic.
+fn left(fit: &Fit) -> Vec<HarmonicFit> {
+    let orders = fit.noise.iter().zip(1..);
+    let told = orders.map(|(noise, order)| HarmonicFit {
+        order,
+        residual_g: noise.map(|part| part.rms_g),
+        unsteadiness: noise.map(|part| part.unsteadiness),
+    });
+    told.collect()
 }
 
 /// Gain and phase at the fundamental, and at the harmonics where the record tells them.
