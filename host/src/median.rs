@@ -5,13 +5,16 @@ pub(crate) const MEDIAN_TO_SIGMA: f64 = 1.482_6;
 
 /// The middle value, the mean of the two in the middle of an even number; `None` of none.
 pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match values.len() {
-        0 => None,
-        count if count % 2 == 1 => Some(values[middle]),
-        _ => Some(0.5 * (values[middle - 1] + values[middle])),
+    let (count, middle) = (values.len(), values.len() / 2);
+    if count == 0 {
+        return None;
     }
+    let (lower, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    let below = lower.iter().copied().max_by(f64::total_cmp);
+    Some(match below {
+        Some(below) if count.is_multiple_of(2) => 0.5 * (below + *upper),
+        _ => *upper,
+    })
 }
 
 /// Where Huber's scale cuts deviations off, in standard deviations, and the mean of the cut square of a normal variable.

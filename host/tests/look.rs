@@ -210,3 +210,35 @@ fn a_campaign_that_takes_no_runs_is_left_as_it_is_and_says_why() {
     }
     assert_eq!(fs::read(campaign.join("vibration.csv")).unwrap(), table);
 }
+
+#[test]
+fn a_triad_and_a_table_in_a_workbook_take_no_runs_and_say_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("record.csv");
+    fs::write(&file, shaken(1.2, &[2.0])).unwrap();
+    let (campaign, _) = campaign(folder.path());
+    let triad = folder.path().join("triad");
+    let mut command = Command::cargo_bin("vre").unwrap();
+    let arguments = ["simulate", "--triad", "--seed", "3", "--out"];
+    command.args(arguments).arg(&triad).assert().success();
+    let table = campaign.join("vibration.csv");
+    let workbook = campaign.join("vibration.xlsx");
+    fs::rename(&table, &workbook).unwrap();
+    let before = fs::read(&workbook).unwrap();
+    for (into, told) in [
+        (
+            &triad,
+            "takes the campaign of one instrument, not of a triad",
+        ),
+        (
+            &campaign,
+            "vibration.xlsx: is a workbook, to which no run is appended; save it as vibration.csv",
+        ),
+    ] {
+        let arguments = ["measure", text_of(&file), "--time", "t_s", "--axes", AXES];
+        let line = refused(&[&arguments[..], &["--into", text_of(into)]].concat());
+        assert!(line.contains(told), "{line}");
+    }
+    assert_eq!(fs::read(&workbook).unwrap(), before);
+    assert!(!table.exists());
+}

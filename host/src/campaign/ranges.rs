@@ -214,6 +214,7 @@ ranges! {
     ENOUGH = positive("share of an error that is enough", "", 1e-6, 1e3);
     RECORD_SCALE = either_sign("scale of a record", "1/g", 1e-12, 1e12);
     REFERENCE_SCALE = positive("scale of the reference at the converter", "V/g", 1e-9, 1e3);
+    DISTORTION = zero_or("distortion of the reference", "", 1e-9, 1.0);
     BIAS_SENSITIVITY = between("sensitivity of the bias", "g/C", -1e3, 1e3);
     PARTS_PER_MILLION = zero_or("change or nonlinearity", "ppm", 1e-6, 1e6);
     BIAS_CHANGE = zero_or("change of the bias", "microg", 1e-6, 1e9);

@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use super::within;
+use crate::campaign::ranges;
 use crate::campaign::{CampaignConfig, Run, is_triad, read_runs, table_file, write_runs};
 use crate::error::{Error, Place, clip};
 use crate::import::{self, Conversion};
-use crate::measure::{self, APART_S, Measurement, Request, Station, Unit};
+use crate::measure::{self, APART_S, Measurement, MotionSource, Request, Station, Unit};
 use crate::output::write_file;
 
 /// Where runs go, and which column is what.
@@ -24,12 +26,20 @@ pub(super) struct Into {
     #[arg(long, value_name = "u=NAME,ref_i=NAME", value_delimiter = ',', value_parser = axis)]
     axes: Vec<(String, String)>,
     /// Gravity on IA, PA and OA during the runs, g; without it, what three axes of the reference show at rest
-    #[arg(long, value_name = "I,P,O", value_parser = three, allow_hyphen_values = true, requires = "folder")]
+    #[arg(long, value_name = "I,P,O", value_parser = three, allow_hyphen_values = true, requires = "axes")]
     gravity: Option<Three>,
     /// Direction of the motion on IA, PA and OA; without it, what the reference shows
     #[arg(long, value_name = "I,P,O", value_parser = three, allow_hyphen_values = true, requires = "folder")]
     direction: Option<Three>,
+    /// Standard uncertainty of what the reference itself distorts at the largest amplitude, as a share of it, for the
+    /// coefficients; by default a hundredth of 1 %: linear within 1 % over its range, of which it uses a hundredth
+    #[arg(long, value_name = "SHARE", value_parser = within(&ranges::DISTORTION), requires = "axes")]
+    reference_distortion: Option<f64>,
 }
+
+/// Distortion of a reference of which nothing is told. Chosen: data sheets tell 1 % at the end of the range, in proportion to the
+/// level; the use is a hundredth of the range.
+const REFERENCE_DISTORTION: f64 = 1e-4;
 
 /// Three numbers.
 type Three = [f64; 3];
@@ -121,6 +131,26 @@ impl Into {
             return Err(Error::Usage("--direction has no length".into()));
         }
         Ok(Some(direction.map(|x| x / length)))
+    }
+
+    /// Where the motion is seen, for coefficients from the waveform; none without a reference on IA.
+    ///
+    /// # Errors
+    /// A reference that is no column of a unit of acceleration.
+    pub(super) fn motion(
+        &self,
+        file: &Path,
+        output_units_per_g: f64,
+    ) -> Result<Option<MotionSource>, Error> {
+        let [along, p, o] = self.reference(file)?;
+        Ok(along.map(|(column, units_per_g)| MotionSource {
+            column,
+            units_per_g,
+            output_units_per_g,
+            across: [p, o].into_iter().flatten().collect(),
+            distortion: self.reference_distortion.unwrap_or(REFERENCE_DISTORTION),
+            gravity_g: self.gravity.map(|[along, ..]| along),
+        }))
     }
 
     /// Columns and units of the reference.

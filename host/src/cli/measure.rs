@@ -11,7 +11,7 @@ use crate::error::{Error, Place, Problem, clip};
 use crate::import;
 use crate::measure::{
     self, Axis, Calibration, Columns, Measurement, MotionKind, Outcome, Picture, Plateau, Request,
-    Selection, Unit, Verdict,
+    Selection, Unit, Verdict, WaveformCoefficients,
 };
 use crate::output::write_file;
 use crate::quantity::Quantity;
@@ -224,7 +224,14 @@ impl Command for Measure {
                 temperature_sensitivity_g_per_c: self.temperature_sensitivity,
             },
         };
-        let measurement = measure::measure(&self.file, &request)?;
+        let mut measurement = measure::measure(&self.file, &request)?;
+        if let Some(source) = self.into.motion(&self.file, units_per_g)? {
+            let columns = &request.columns;
+            match measure::coefficients(&self.file, columns, &measurement, &source)? {
+                Ok(coefficients) => measurement.coefficients = Some(coefficients),
+                Err(why) => measurement.notes.push(why),
+            }
+        }
         console.answer(text(&measurement), &measurement)?;
         if let Some(page) = &self.html {
             write_file(page, report::measurement_page(&measurement)?.as_bytes())?;
@@ -289,6 +296,9 @@ fn text(found: &Measurement) -> String {
     }
     for axis in &found.axes {
         write_axis(&mut text, axis);
+    }
+    if let Some(coefficients) = &found.coefficients {
+        write_coefficients(&mut text, coefficients);
     }
     if let Some(tally) = &found.record {
         let _ = writeln!(
@@ -422,5 +432,67 @@ fn write_plateau(text: &mut String, plateau: &Plateau) {
     );
     for axis in &plateau.axes {
         write_axis(text, axis);
+    }
+}
+
+/// Coefficients from the waveform, and the test of their prediction.
+fn write_coefficients(text: &mut String, found: &WaveformCoefficients) {
+    let [least, most] = found.amplitudes_g;
+    let _ = writeln!(
+        text,
+        "\nCOEFFICIENTS from {} blocks of {:.4} s, {least:.4} to {most:.4} g of {}\n  k2 {} /g   k3 {} /g^2   k4 {} /g^3",
+        found.blocks,
+        found.block_s,
+        found.reference,
+        found.k2_per_g,
+        found.k3_per_g2,
+        found.k4_per_g3,
+    );
+    if let Some(k2) = found.k2_of_means_alone_per_g {
+        let _ = writeln!(
+            text,
+            "  k2 {k2} /g by the means alone, if k3 and k4 were zero"
+        );
+    }
+    for response in &found.dynamics {
+        let _ = writeln!(
+            text,
+            "  at {:.4} Hz: gain {}, phase {} deg",
+            response.frequency_hz, response.gain, response.phase_deg
+        );
+    }
+    for fit in &found.harmonics {
+        let [in_phase, quadrature] = fit.residual_g;
+        let _ = writeln!(
+            text,
+            "  harmonic {}: in phase {in_phase:.3e} g rms is left (unsteadiness {:.2}), in quadrature {quadrature:.3e} g ({:.2})",
+            fit.order, fit.unsteadiness[0], fit.unsteadiness[1]
+        );
+    }
+    for test in &found.tests {
+        let mg = |quantity: Quantity| shown(quantity.scaled(1e3));
+        let apart = test.sigmas_apart;
+        let apart = apart.map_or("not comparable".into(), |z| {
+            format!("{:.1} sigma apart", z.abs())
+        });
+        let [k2, k3, k4] = test.parts_g.map(mg);
+        let measured = mg(test.measured_vre_g);
+        let _ = writeln!(
+            text,
+            "  {:.3} to {:.3} s, {:.4} g: predicted by the harmonics alone {} mg, measured {measured} mg, {apart}\n    \
+             of {measured} mg k2 makes {k2} mg, k3 {k3} mg, k4 {k4} mg{}",
+            test.from_s,
+            test.to_s,
+            test.level_g,
+            mg(test.predicted_vre_g),
+            if test.mean_used {
+                ""
+            } else {
+                "; the mean was not used, something else may have shifted it"
+            },
+        );
+    }
+    for assumption in &found.assumptions {
+        let _ = writeln!(text, "  assumed: {assumption}");
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::coefficients::answer::WaveformCoefficients;
 use super::motion::Motion;
 use super::quantisation::Quantisation;
 use crate::quantity::Quantity;
@@ -35,6 +36,9 @@ pub struct Measurement {
     /// The record at a glance, if it was surveyed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub picture: Option<Picture>,
+    /// Coefficients from the waveform, if a reference was named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coefficients: Option<WaveformCoefficients>,
 }
 
 /// What can be said of a shift.

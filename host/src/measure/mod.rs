@@ -6,6 +6,7 @@
 //! could have shifted a mean. A shift that something else explains is never called a vibration error.
 
 mod answer;
+mod coefficients;
 mod doubts;
 mod frames;
 mod motion;
@@ -29,6 +30,9 @@ use std::path::Path;
 use shared::slope::{MIN_SAMPLES, SlopeError};
 
 pub use answer::{Axis, Doubt, Kind, Measurement, Outcome, Picture, Plateau, Summary, Verdict};
+pub use coefficients::{
+    HarmonicFit, Response, Source as MotionSource, Test, WaveformCoefficients, coefficients,
+};
 pub use motion::{Kind as MotionKind, Motion};
 pub use overview::{ChannelOverview, Drawn, Overview, look};
 pub use quantisation::Quantisation;
@@ -267,6 +271,7 @@ fn reduce(
         record: None,
         plateaus: Vec::new(),
         picture: None,
+        coefficients: None,
     })
 }
 

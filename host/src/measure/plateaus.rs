@@ -74,6 +74,7 @@ pub(super) fn measure(file: &Path, request: &Request) -> Result<Measurement, Err
         record: None,
         plateaus,
         picture: Some(picture),
+        coefficients: None,
     })
 }
 

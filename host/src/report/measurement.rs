@@ -7,7 +7,9 @@ use super::frame::{self, Section};
 use super::page::figure;
 use super::plot::{Axis, Layer, Marker, Plot, Point, Shape, Ticks, colour, span};
 use crate::error::Error;
-use crate::measure::{self, Measurement, MotionKind, Outcome, Picture, Plateau};
+use crate::measure::{
+    self, Measurement, MotionKind, Outcome, Picture, Plateau, WaveformCoefficients,
+};
 use crate::quantity::Quantity;
 
 /// The page, self-contained.
@@ -32,6 +34,13 @@ pub fn measurement_page(found: &Measurement) -> Result<String, Error> {
             id: "plateaus",
             title: "Plateaus",
             body: html! { (figure(&shifts(&found.plateaus))?) (table(&found.plateaus)) },
+        });
+    }
+    if let Some(coefficients) = &found.coefficients {
+        sections.push(Section {
+            id: "coefficients",
+            title: "Coefficients from the waveform",
+            body: waveform(coefficients),
         });
     }
     let plateaus = found.plateaus.iter();
@@ -213,5 +222,49 @@ fn doubts(place: &str, axis: &measure::Axis) -> Markup {
                 tr { td { (doubt.kind.name()) } td { (word(doubt)) } td { (doubt.finding) } }
             } }
         } }
+    }
+}
+
+fn waveform(found: &WaveformCoefficients) -> Markup {
+    let [least, most] = found.amplitudes_g;
+    html! {
+        p { "From the harmonics of " (found.blocks) " stretches of " (format!("{:.4}", found.block_s)) " s, "
+            (format!("{least:.4} to {most:.4}")) " g of " (found.reference) ", and the means of the plateaus." }
+        div.wide { table {
+            thead { tr { th { "k2, 1/g" } th { "k3, 1/g²" } th { "k4, 1/g³" } th { "k2 by the means alone, if k3 and k4 were zero" } } }
+            tbody { tr {
+                @for coefficient in [found.k2_per_g, found.k3_per_g2, found.k4_per_g3] {
+                    td.number { (coefficient) }
+                }
+                td.number { @if let Some(k2) = found.k2_of_means_alone_per_g { (k2) } }
+            } }
+        } }
+        h3 { "Predicted by the harmonics alone, and measured" }
+        div.wide { table {
+            thead { tr {
+                th { "from, s" } th { "to, s" } th { "level, g" } th { "predicted, mg" } th { "measured, mg" } th { "sigmas apart" }
+                th { "of it k2, mg" } th { "k3, mg" } th { "k4, mg" }
+            } }
+            tbody { @for test in &found.tests { tr {
+                td.number { (format!("{:.3}", test.from_s)) }
+                td.number { (format!("{:.3}", test.to_s)) }
+                td.number { (format!("{:.4}", test.level_g)) }
+                td.number { (in_mg(test.predicted_vre_g)) }
+                td.number { (in_mg(test.measured_vre_g)) }
+                td.number { @if let Some(apart) = test.sigmas_apart { (format!("{apart:.1}")) } }
+                @for part in test.parts_g { td.number { (in_mg(part)) } }
+            } } }
+        } }
+        h3 { "Linear dynamics" }
+        div.wide { table {
+            thead { tr { th { "frequency, Hz" } th { "gain" } th { "phase, deg" } } }
+            tbody { @for response in &found.dynamics { tr {
+                td.number { (format!("{:.4}", response.frequency_hz)) }
+                td.number { (response.gain) }
+                td.number { (response.phase_deg) }
+            } } }
+        } }
+        p { "Assumed:" }
+        ul { @for assumption in &found.assumptions { li { (assumption) } } }
     }
 }
