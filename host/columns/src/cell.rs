@@ -2,8 +2,11 @@
 
 use std::sync::Arc;
 
-use arrow::array::{Array, AsArray};
-use arrow::datatypes::{DataType, Field, FieldRef, Fields, Float64Type, UInt64Type};
+use arrow::array::{Array, AsArray, NullArray};
+use arrow::compute::cast;
+use arrow::datatypes::{
+    ArrowPrimitiveType, DataType, Field, FieldRef, Fields, Float64Type, UInt64Type,
+};
 
 /// A value that stands in a column.
 pub trait Cell: Sized {
@@ -36,17 +39,36 @@ fn other_type(column: &dyn Array, wanted: &str) -> String {
     format!("is of type {}, not {wanted}", column.data_type())
 }
 
+/// A number; engines widen, narrow and sign their columns, so that another type is converted if no figure is lost by its kind.
+fn number<T: ArrowPrimitiveType>(
+    column: &dyn Array,
+    row: usize,
+    kind: fn(&DataType) -> bool,
+) -> Result<T::Native, String> {
+    there(column, row)?;
+    if let Some(numbers) = column.as_primitive_opt::<T>() {
+        return Ok(numbers.value(row));
+    }
+    let wanted = T::DATA_TYPE;
+    if !kind(column.data_type()) {
+        return Err(other_type(column, &wanted.to_string()));
+    }
+    let converted = cast(&column.slice(row, 1), &wanted).map_err(|error| error.to_string())?;
+    there(&converted, 0).map_err(|_| format!("does not fit {wanted}"))?;
+    Ok(converted.as_primitive::<T>().value(0))
+}
+
+fn is_whole(data_type: &DataType) -> bool {
+    data_type.is_integer() || matches!(data_type, DataType::Decimal128(_, 0))
+}
+
 impl Cell for f64 {
     fn data_type() -> DataType {
         DataType::Float64
     }
 
     fn read(column: &dyn Array, row: usize) -> Result<Self, String> {
-        there(column, row)?;
-        let numbers = column.as_primitive_opt::<Float64Type>();
-        let number = numbers
-            .ok_or_else(|| other_type(column, "Float64"))?
-            .value(row);
+        let number = number::<Float64Type>(column, row, DataType::is_numeric)?;
         if number.is_finite() {
             Ok(number)
         } else {
@@ -61,11 +83,7 @@ impl Cell for u64 {
     }
 
     fn read(column: &dyn Array, row: usize) -> Result<Self, String> {
-        there(column, row)?;
-        let numbers = column.as_primitive_opt::<UInt64Type>();
-        Ok(numbers
-            .ok_or_else(|| other_type(column, "UInt64"))?
-            .value(row))
+        number::<UInt64Type>(column, row, is_whole)
     }
 }
 
@@ -109,10 +127,11 @@ impl<T: Cell> Cell for Option<T> {
     }
 
     fn read(column: &dyn Array, row: usize) -> Result<Self, String> {
-        match column.is_null(row) {
-            true => Ok(None),
-            false => T::read(column, row).map(Some),
+        // A column in which nothing is filled may be of the type of nothing.
+        if column.data_type() == &DataType::Null || column.is_null(row) {
+            return Ok(None);
         }
+        T::read(column, row).map(Some)
     }
 }
 
@@ -144,7 +163,7 @@ pub fn read_column<T: Cell>(of: &dyn Array, name: &str, row: usize) -> Result<T,
     match columns.column_by_name(name) {
         Some(column) => T::read(column, row).map_err(named),
         // An optional column need not be there.
-        None if T::NULLABLE => T::read(&arrow::array::NullArray::new(row + 1), row).map_err(named),
+        None if T::NULLABLE => T::read(&NullArray::new(1), 0).map_err(named),
         None => Err(named("is missing".into())),
     }
 }
@@ -159,7 +178,7 @@ pub fn struct_type(fields: impl IntoIterator<Item = FieldRef>) -> DataType {
 macro_rules! row {
     ($(#[$about:meta])* pub struct $name:ident { $($(#[$doc:meta])* $field:ident: $kind:ty,)* }) => {
         $(#[$about])*
-        #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
         pub struct $name { $($(#[$doc])* pub $field: $kind,)* }
 
         impl $crate::cell::Cell for $name {
@@ -175,4 +194,33 @@ macro_rules! row {
             }
         }
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use arrow::array::{Decimal128Array, Float32Array, Int32Array, Int64Array, StringArray};
+
+    use super::*;
+
+    #[test]
+    fn numbers_of_any_width_are_read_and_none_is_bent() {
+        let wide = Int64Array::from(vec![3, -1]);
+        assert_eq!(f64::read(&wide, 1), Ok(-1.0));
+        assert_eq!(u64::read(&wide, 0), Ok(3));
+        assert!(u64::read(&wide, 1).unwrap_err().contains("does not fit"));
+        let decimal = Decimal128Array::from(vec![7]).with_precision_and_scale(20, 0);
+        assert_eq!(u64::read(&decimal.unwrap(), 0), Ok(7));
+        assert_eq!(f64::read(&Float32Array::from(vec![0.5]), 0), Ok(0.5));
+        assert_eq!(u64::read(&Int32Array::from(vec![9]), 0), Ok(9));
+        let broken = Float32Array::from(vec![2.5, f32::NAN]);
+        assert!(u64::read(&broken, 0).unwrap_err().contains("Float32"));
+        assert!(f64::read(&broken, 1).is_err());
+        assert!(f64::read(&StringArray::from(vec!["3"]), 0).is_err());
+    }
+
+    #[test]
+    fn an_optional_column_may_be_of_the_type_of_nothing() {
+        assert_eq!(Option::<f64>::read(&NullArray::new(2), 1), Ok(None));
+        assert!(f64::read(&NullArray::new(2), 1).is_err());
+    }
 }
