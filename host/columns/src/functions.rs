@@ -120,15 +120,3 @@ pub fn over(
     let answers: Vec<Value> = (0..campaigns.len()).into_par_iter().map(answer).collect();
     to_array(&answers, data_type)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_panic_becomes_an_error_of_one_line() {
-        let faulty = || panic!("index out of bounds");
-        let told = guarded::<()>(faulty).unwrap_err().to_string();
-        assert!(told.starts_with("a fault of the program"), "{told}");
-    }
-}
