@@ -8,6 +8,8 @@ use host::error::{Error, Place, printable};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 
+use crate::threads;
+
 pyo3::import_exception!(vre, InputError);
 
 /// Carries out work without the interpreter's lock.
@@ -15,7 +17,8 @@ pub fn detached<T: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, Error> + Send,
 ) -> PyResult<T> {
-    py.detach(|| guarded(work)).map_err(|error| raised(&error))
+    let done = py.detach(|| threads::own()?.install(|| guarded(work)));
+    done.map_err(|error| raised(&error))
 }
 
 /// Arrow from the other side. The crate's reader of it can panic, which must not cross the border either.

@@ -12,6 +12,7 @@ mod dicts;
 mod failure;
 mod measuring;
 mod simulating;
+mod threads;
 
 use pyo3::prelude::*;
 

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use arrow::array::{ArrayRef, Float64Array, RecordBatch, RecordBatchReader};
 use arrow::error::ArrowError;
 use arrow::record_batch::RecordBatchIterator;
-use columns::functions::guarded;
 use host::campaign::ranges;
 use host::error::{Error, Place};
 use host::import::{self, Columns, Unit};
@@ -56,7 +55,7 @@ pub fn of_columns(
         let columns = columns.into_iter();
         let columns =
             columns.map(|(name, values)| (name, Arc::new(Float64Array::from(values)) as ArrayRef));
-        let batch = RecordBatch::try_from_iter(columns).map_err(|error| unlike(&error))?;
+        let batch = RecordBatch::try_from_iter(columns).map_err(|error| unreadable(&error))?;
         let schema = batch.schema();
         let one = RecordBatchIterator::new([Ok(batch)], schema);
         in_memory(Box::new(one), said)
@@ -70,7 +69,7 @@ pub fn of_batches(py: Python<'_>, batches: &Bound<'_, PyAny>, said: Said) -> PyR
     detached(py, || in_memory(reader, said))
 }
 
-fn unlike(error: &ArrowError) -> Error {
+fn unreadable(error: &ArrowError) -> Error {
     Error::input(Path::new(RECORD), error.to_string())
 }
 
@@ -84,12 +83,12 @@ fn in_memory(batches: Box<dyn RecordBatchReader + Send>, said: Said) -> Result<S
     let writer = ArrowWriter::try_new(file.as_file(), schema, None);
     let mut writer = writer.map_err(|error| bad(error.to_string()))?;
     for batch in batches {
-        let written = writer.write(&batch.map_err(|error| unlike(&error))?);
+        let written = writer.write(&batch.map_err(|error| unreadable(&error))?);
         written.map_err(|error| bad(error.to_string()))?;
     }
     writer.close().map_err(|error| bad(error.to_string()))?;
     // The file's own name says nothing to anybody.
-    guarded(|| measured(file.path(), said, RECORD)).map_err(|error| match error {
+    measured(file.path(), said, RECORD).map_err(|error| match error {
         Error::Input {
             place: Place { row, column, .. },
             problem,

@@ -1,6 +1,7 @@
 """Campaigns come from engines and go back to them: Polars, pandas, DuckDB, and Dask on two processes."""
 
 import json
+import multiprocessing
 import os
 import subprocess
 
@@ -83,6 +84,21 @@ def test_dask_maps_batches_on_two_processes(batch, expected):
     found = pa.concat_tables([table for _, table in made])
     assert found.column("number").to_pylist() == [number % 3 for number in range(8)]
     assert k2(found.column("answer")) == [expected[number % 3] for number in range(8)]
+
+
+def of_folder(folder):
+    return vre.identify(folder)["coefficients"]["k2_per_g"]["value"]
+
+
+def of_column(folder):
+    return k2(vre.identify(vre.arrow([folder])))[0]
+
+
+def test_a_forked_process_answers_after_its_parent_has(folders, expected):
+    for function in (of_folder, of_column):
+        assert function(folders[0]) == expected[0]
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            assert pool.map_async(function, folders).get(timeout=60) == expected
 
 
 def test_answers_have_the_type_that_is_told_beforehand(batch):
