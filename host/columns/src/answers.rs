@@ -10,7 +10,8 @@ use crate::cell::struct_type;
 
 const TEXT: DataType = DataType::Utf8;
 const NUMBER: DataType = DataType::Float64;
-const COUNT: DataType = DataType::UInt64;
+/// With a sign: Spark has no other integers.
+const COUNT: DataType = DataType::Int64;
 
 fn field(name: &str, data_type: DataType) -> FieldRef {
     Arc::new(Field::new(name, data_type, true))

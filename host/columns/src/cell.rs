@@ -2,8 +2,11 @@
 
 use std::sync::Arc;
 
-use arrow::array::{Array, AsArray};
-use arrow::datatypes::{DataType, Field, FieldRef, Fields, Float64Type, UInt64Type};
+use arrow::array::{Array, AsArray, NullArray};
+use arrow::compute::cast;
+use arrow::datatypes::{
+    ArrowPrimitiveType, DataType, Field, FieldRef, Fields, Float64Type, UInt64Type,
+};
 
 /// A value that stands in a column.
 pub trait Cell: Sized {
@@ -36,17 +39,36 @@ fn other_type(column: &dyn Array, wanted: &str) -> String {
     format!("is of type {}, not {wanted}", column.data_type())
 }
 
+/// A number; engines widen, narrow and sign their columns, so that another type is converted if no figure is lost by its kind.
+fn number<T: ArrowPrimitiveType>(
+    column: &dyn Array,
+    row: usize,
+    kind: fn(&DataType) -> bool,
+) -> Result<T::Native, String> {
+    there(column, row)?;
+    if let Some(numbers) = column.as_primitive_opt::<T>() {
+        return Ok(numbers.value(row));
+    }
+    let wanted = T::DATA_TYPE;
+    if !kind(column.data_type()) {
+        return Err(other_type(column, &wanted.to_string()));
+    }
+    let converted = cast(&column.slice(row, 1), &wanted).map_err(|error| error.to_string())?;
+    there(&converted, 0).map_err(|_| format!("does not fit {wanted}"))?;
+    Ok(converted.as_primitive::<T>().value(0))
+}
+
+fn is_whole(data_type: &DataType) -> bool {
+    data_type.is_integer() || matches!(data_type, DataType::Decimal128(_, 0))
+}
+
 impl Cell for f64 {
     fn data_type() -> DataType {
         DataType::Float64
     }
 
     fn read(column: &dyn Array, row: usize) -> Result<Self, String> {
-        there(column, row)?;
-        let numbers = column.as_primitive_opt::<Float64Type>();
-        let number = numbers
-            .ok_or_else(|| other_type(column, "Float64"))?
-            .value(row);
+        let number = number::<Float64Type>(column, row, DataType::is_numeric)?;
         if number.is_finite() {
             Ok(number)
         } else {
@@ -61,11 +83,7 @@ impl Cell for u64 {
     }
 
     fn read(column: &dyn Array, row: usize) -> Result<Self, String> {
-        there(column, row)?;
-        let numbers = column.as_primitive_opt::<UInt64Type>();
-        Ok(numbers
-            .ok_or_else(|| other_type(column, "UInt64"))?
-            .value(row))
+        number::<UInt64Type>(column, row, is_whole)
     }
 }
 
@@ -109,10 +127,11 @@ impl<T: Cell> Cell for Option<T> {
     }
 
     fn read(column: &dyn Array, row: usize) -> Result<Self, String> {
-        match column.is_null(row) {
-            true => Ok(None),
-            false => T::read(column, row).map(Some),
+        // A column in which nothing is filled may be of the type of nothing.
+        if column.data_type() == &DataType::Null || column.is_null(row) {
+            return Ok(None);
         }
+        T::read(column, row).map(Some)
     }
 }
 
@@ -144,7 +163,7 @@ pub fn read_column<T: Cell>(of: &dyn Array, name: &str, row: usize) -> Result<T,
     match columns.column_by_name(name) {
         Some(column) => T::read(column, row).map_err(named),
         // An optional column need not be there.
-        None if T::NULLABLE => T::read(&arrow::array::NullArray::new(row + 1), row).map_err(named),
+        None if T::NULLABLE => T::read(&NullArray::new(1), 0).map_err(named),
         None => Err(named("is missing".into())),
     }
 }
@@ -159,7 +178,7 @@ pub fn struct_type(fields: impl IntoIterator<Item = FieldRef>) -> DataType {
 macro_rules! row {
     ($(#[$about:meta])* pub struct $name:ident { $($(#[$doc:meta])* $field:ident: $kind:ty,)* }) => {
         $(#[$about])*
-        #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
         pub struct $name { $($(#[$doc])* pub $field: $kind,)* }
 
         impl $crate::cell::Cell for $name {

@@ -87,6 +87,15 @@ pub fn vibration(text: &str) -> Result<Run, String> {
     })
 }
 
+/// Carries out work that may be faulty on input that nobody foresaw: a panic becomes an error.
+///
+/// # Errors
+/// Those of the work, and [`Error::Usage`] for a panic.
+pub fn guarded<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+    let fault = "a fault of the program; please report it with what it was given";
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err(Error::Usage(fault.into())))
+}
+
 /// A function over a column of campaigns, with answers of this type.
 ///
 /// # Errors
@@ -102,15 +111,11 @@ pub fn over(
             return Value::Null;
         }
         // One row must never end a query over thousands.
-        let answer = catch_unwind(AssertUnwindSafe(|| {
-            let campaign = decode(campaigns, row)?.used();
-            function(&campaign).map_err(|error| error.to_string())
-        }));
-        match answer {
-            Ok(Ok(answer)) => answer,
-            Ok(Err(problem)) => reason(problem),
-            Err(_) => reason("a fault of the program; please report it with this campaign".into()),
-        }
+        let answer = guarded(|| {
+            let campaign = decode(campaigns, row).map_err(Error::Usage)?.used();
+            function(&campaign)
+        });
+        answer.unwrap_or_else(|problem| reason(problem.to_string()))
     };
     let answers: Vec<Value> = (0..campaigns.len()).into_par_iter().map(answer).collect();
     to_array(&answers, data_type)

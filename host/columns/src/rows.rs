@@ -1,6 +1,7 @@
 //! A campaign as a row: `campaign.toml` as text and, of what queries ask, as structs; readings and runs as lists of structs
 //! with the names and units of their tables.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use arrow::array::{Array, ArrayRef, AsArray};
@@ -11,6 +12,7 @@ use host::campaign::{
     Approach, Campaign, CampaignConfig, Drift, Extremes, Measured, Reading, ReferenceMoments, Run,
     Series, VibrationKind,
 };
+use host::error::{Error, Place};
 use serde::Serialize;
 use shared::model::SpecificForce;
 
@@ -97,10 +99,13 @@ row! {
         /// Session.
         session: Option<String>,
         /// Whether it is kept and not used.
+        #[serde(default)]
         exclude: bool,
         /// Line of the table.
+        #[serde(default)]
         line: u64,
         /// Columns that mean nothing to us.
+        #[serde(default)]
         further: Vec<FurtherCell>,
     }
 }
@@ -169,10 +174,13 @@ row! {
         /// Session.
         session: Option<String>,
         /// Whether it is kept and not used.
+        #[serde(default)]
         exclude: bool,
         /// Line of the table.
+        #[serde(default)]
         line: u64,
         /// Columns that mean nothing to us.
+        #[serde(default)]
         further: Vec<FurtherCell>,
     }
 }
@@ -243,31 +251,56 @@ impl CampaignRow {
     /// The campaign of a row. `campaign.toml` as text is what holds.
     ///
     /// # Errors
-    /// A table and column with what is wrong there.
-    pub fn campaign(self) -> Result<Campaign, String> {
-        let config: CampaignConfig = toml::from_str(&self.toml)
-            .map_err(|error| format!("campaign.toml: {}", error.message().replace('\n', " ")))?;
-        let table =
-            |name: &str, row: usize, problem: String| format!("{name}, row {}, {problem}", row + 2);
-        let readings = self.readings.into_iter().enumerate();
-        let readings = readings.map(|(row, reading)| {
-            reading
-                .reading()
-                .map_err(|problem| table("static.csv", row, problem))
-        });
-        let runs = self.runs.into_iter().enumerate();
-        let runs = runs.map(|(row, run)| {
-            run.run()
-                .map_err(|problem| table("vibration.csv", row, problem))
-        });
-        let campaign = Campaign {
-            config,
-            readings: readings.collect::<Result<_, _>>()?,
-            runs: runs.collect::<Result<_, _>>()?,
-        };
-        campaign.check().map_err(|error| error.to_string())?;
-        Ok(campaign)
+    /// Those of [`campaign_of`].
+    pub fn campaign(self) -> Result<Campaign, Error> {
+        campaign_of(&self.toml, self.readings, self.runs)
     }
+}
+
+/// The campaign of `campaign.toml` as text and the rows of its tables.
+///
+/// # Errors
+/// Table, row and column with what is wrong there.
+pub fn campaign_of(
+    toml: &str,
+    readings: Vec<ReadingRow>,
+    runs: Vec<RunRow>,
+) -> Result<Campaign, Error> {
+    let config: CampaignConfig = toml::from_str(toml).map_err(|error| {
+        let problem = error.message().replace('\n', " ");
+        Error::input(Path::new("campaign.toml"), problem)
+    })?;
+    let readings = readings.into_iter().enumerate();
+    let readings = readings.map(|(row, reading)| {
+        let at = |(column, problem)| misplaced("static.csv", row, column, problem);
+        reading.reading().map_err(at)
+    });
+    let runs = runs.into_iter().enumerate();
+    let runs = runs.map(|(row, run)| {
+        let at = |(column, problem)| misplaced("vibration.csv", row, column, problem);
+        run.run().map_err(at)
+    });
+    let campaign = Campaign {
+        config,
+        readings: readings.collect::<Result<_, _>>()?,
+        runs: runs.collect::<Result<_, _>>()?,
+    };
+    campaign.check()?;
+    Ok(campaign)
+}
+
+/// What is wrong in a column.
+type Misplaced = (&'static str, String);
+
+/// The error of a row, counted from 0, in a table whose header is row 1.
+fn misplaced(table: &str, row: usize, column: &str, problem: String) -> Error {
+    let place = Place {
+        file: table.into(),
+        row: Some(row as u64 + 2),
+        column: Some(column.into()),
+    };
+    let problem = problem.into();
+    Error::Input { place, problem }
 }
 
 impl From<&Reading> for ReadingRow {
@@ -295,7 +328,7 @@ impl From<&Reading> for ReadingRow {
 }
 
 impl ReadingRow {
-    fn reading(self) -> Result<Reading, String> {
+    fn reading(self) -> Result<Reading, Misplaced> {
         let series = u8::try_from(self.series)
             .ok()
             .and_then(|number| Series::try_from(number).ok());
@@ -304,10 +337,10 @@ impl ReadingRow {
             order: self.order,
             time_s: self.time_s,
             series: series
-                .ok_or_else(|| format!("column series: {} is none of 1, 2, 3", self.series))?,
+                .ok_or_else(|| ("series", format!("{} is none of 1, 2, 3", self.series)))?,
             dial_deg: self.dial_deg,
             mount_deg: self.mount_deg,
-            approach: approach.ok_or("column approach: is neither cw nor ccw")?,
+            approach: approach.ok_or_else(|| ("approach", "is neither cw nor ccw".into()))?,
             specific_force_g: SpecificForce::new(self.a_i_g, self.a_p_g, self.a_o_g),
             temp_c: self.temp_c,
             output_v: self.u_v,
@@ -360,7 +393,7 @@ impl From<&Run> for RunRow {
 }
 
 impl RunRow {
-    fn run(self) -> Result<Run, String> {
+    fn run(self) -> Result<Run, Misplaced> {
         let measured = match (self.u_before_v, self.u_during_v, self.sigma_v) {
             (Some(before_v), Some(during_v), Some(sigma_v)) => Some(Measured {
                 before_v,
@@ -383,26 +416,23 @@ impl RunRow {
             }),
             (None, None, None) => None,
             _ => {
-                return Err(
-                    "column u_before_v: some of u_before_v, u_during_v and sigma_v are empty"
-                        .into(),
-                );
+                let problem = "some of u_before_v, u_during_v and sigma_v are empty";
+                return Err(("u_before_v", problem.into()));
             }
         };
         let three = |numbers: &[f64]| <[f64; 3]>::try_from(numbers).ok();
-        let correlation = self
-            .reference_correlation
-            .as_deref()
-            .map(|numbers| three(numbers).ok_or("column reference_correlation: has not 3 numbers"));
+        let correlation = self.reference_correlation.as_deref().map(|numbers| {
+            three(numbers).ok_or_else(|| ("reference_correlation", "has not 3 numbers".into()))
+        });
         let correlation = correlation.transpose()?;
         let reference = self.reference.map(|numbers| {
             let mut axes = numbers.chunks(3).map(three);
             let mut next = || {
                 axes.next()
                     .flatten()
-                    .ok_or("column reference: has not 9 numbers")
+                    .ok_or_else(|| ("reference", "has not 9 numbers".to_owned()))
             };
-            Ok::<_, &str>(ReferenceMoments {
+            Ok::<_, Misplaced>(ReferenceMoments {
                 rms_g: next()?,
                 skewness: next()?,
                 kurtosis: next()?,
@@ -413,7 +443,7 @@ impl RunRow {
             run: self.run,
             time_s: self.time_s,
             kind: VibrationKind::of_word(&self.kind)
-                .ok_or("column kind: is neither sine nor random")?,
+                .ok_or_else(|| ("kind", "is neither sine nor random".into()))?,
             direction: [self.dir_i, self.dir_p, self.dir_o],
             level_g: self.level_g,
             band_hz: [self.f_lo_hz, self.f_hi_hz],
@@ -467,5 +497,6 @@ pub fn decode(column: &dyn Array, row: usize) -> Result<Campaign, String> {
     if column.as_struct_opt().is_none() {
         return Err(format!("is no campaign but {}", column.data_type()));
     }
-    CampaignRow::read(column, row)?.campaign()
+    let campaign = CampaignRow::read(column, row)?.campaign();
+    campaign.map_err(|error| error.to_string())
 }

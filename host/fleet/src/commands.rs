@@ -409,9 +409,10 @@ fn diagnose(entry: Entry) -> Result<([Option<String>; 4], Found), String> {
     } = entry;
     let told = || {
         let campaign = campaign.campaign()?.used();
-        let answer = columns::functions::diagnosed(&campaign).map_err(|error| error.to_string())?;
-        let found: Found = serde_json::from_value(answer).map_err(|error| error.to_string())?;
-        Ok::<_, String>((campaign, found))
+        let answer = columns::functions::diagnosed(&campaign)?;
+        let found = serde_json::from_value(answer);
+        let found: Found = found.map_err(|error| Error::Usage(error.to_string()))?;
+        Ok::<_, Error>((campaign, found))
     };
     let (campaign, found) = told().map_err(|problem| format!("{serial} {time}: {problem}"))?;
     let station = campaign

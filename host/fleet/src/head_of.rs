@@ -310,8 +310,8 @@ fn test(entry: dataset::Entry) -> Result<Tested, String> {
     let (serial, time) = (entry.serial, entry.time);
     let told = || {
         let campaign: Campaign = entry.campaign.campaign()?.used();
-        let told = Reduced::of(&campaign).map_err(|error| error.to_string())?;
-        Ok::<_, String>((key(&campaign), told))
+        let told = Reduced::of(&campaign)?;
+        Ok::<_, Error>((key(&campaign), told))
     };
     let (key, told) = told().map_err(|problem| format!("{serial} {time}: {problem}"))?;
     Ok(Tested {
