@@ -12,33 +12,32 @@ use super::answer::ParameterEstimate;
 use crate::campaign_model::CampaignModel;
 use crate::effects::{Effect, Renamed};
 
-/// What of a fit's parameters is reported. Names that start with an underscore are not. Where other places of an effect's
-/// parameters do about as well, the uncertainty reaches to them, each by its share.
+/// What of a fit's parameters is reported. Names that start with an underscore are not.
 pub(super) fn estimates(model: &CampaignModel, fit: &Fit) -> Vec<ParameterEstimate> {
     (0..fit.members.len())
-        .flat_map(|m| {
-            let mut found = of_member(model, fit, m);
-            let modes = modes(model, &SearchPolicy::default(), fit, m);
-            if let [here, others @ ..] = &modes[..]
-                && !others.is_empty()
-            {
-                let mut squares: Vec<f64> =
-                    found.iter().map(|p| here.share * p.sigma.powi(2)).collect();
-                for mode in others {
-                    let there = of_member(model, &mode.fit, m);
-                    for ((square, here), there) in squares.iter_mut().zip(&found).zip(there) {
-                        let off = there.value - here.value;
-                        *square += mode.share * (off * off + there.sigma.powi(2));
-                    }
-                }
-                found
-                    .iter_mut()
-                    .zip(squares)
-                    .for_each(|(p, square)| p.sigma = square.sqrt());
-            }
-            found
-        })
+        .flat_map(|m| over_modes(model, fit, m))
         .collect()
+}
+
+/// Where other places of an effect's parameters do about as well, the uncertainty reaches to them, each by its share.
+fn over_modes(model: &CampaignModel, fit: &Fit, m: usize) -> Vec<ParameterEstimate> {
+    let mut found = of_member(model, fit, m);
+    let modes = modes(model, &SearchPolicy::default(), fit, m);
+    if modes.len() == 1 {
+        return found;
+    }
+    let mut variances = vec![0.0; found.len()];
+    for mode in modes {
+        let there = of_member(model, &mode.fit, m);
+        for ((variance, here), there) in variances.iter_mut().zip(&found).zip(there) {
+            let off = there.value - here.value;
+            *variance += mode.share * (off * off + there.sigma.powi(2));
+        }
+    }
+    for (parameter, variance) in found.iter_mut().zip(variances) {
+        parameter.sigma = variance.sqrt();
+    }
+    found
 }
 
 fn of_member(model: &CampaignModel, fit: &Fit, m: usize) -> Vec<ParameterEstimate> {
