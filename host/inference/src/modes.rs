@@ -5,7 +5,7 @@ use crate::fit::{Fit, fit};
 use crate::model::{Kind, Member, SeparableModel};
 use crate::prior::Prior;
 use crate::remainder::Remainder;
-use crate::search::{SearchPolicy, Seek, Start, Starts};
+use crate::search::{SearchPolicy, Seek, Start, Starts, keep_best};
 use crate::variance::fit_with_size;
 
 /// Most places that are fitted. Chosen: plans of a few angles alias a period to some eight others.
@@ -48,10 +48,10 @@ pub fn modes(model: &dyn SeparableModel, policy: &SearchPolicy, fit: &Fit, m: us
         share: weight(&fit) / total,
         fit,
     };
-    let mut modes: Vec<Mode> = places.into_iter().map(mode).collect();
-    let mut number = 0..;
-    modes.retain(|mode| number.next() == Some(0) || mode.share > LEAST_SHARE);
-    modes
+    let mut modes = places.into_iter().map(mode);
+    let here = modes.next();
+    let others = modes.filter(|mode| mode.share > LEAST_SHARE);
+    here.into_iter().chain(others).collect()
 }
 
 /// Members with member `m` at each peak of its grid, the highest first.
@@ -92,15 +92,7 @@ fn starts(
             values,
         });
         let gain = seek.gain(&base, &remainder, &start, &[]);
-        let Start { member, .. } = start;
-        match best
-            .iter_mut()
-            .find(|(_, other)| other.values[first] == member.values[first])
-        {
-            Some(same) if gain <= same.0 => {}
-            Some(same) => *same = (gain, member),
-            None => best.push((gain, member)),
-        }
+        keep_best(&mut best, first, gain, &start.member);
     }
     best.sort_by(|a, b| a.1.values[first].total_cmp(&b.1.values[first]));
     let highest = best.iter().map(|(gain, _)| *gain).fold(0.0, f64::max);

@@ -267,6 +267,19 @@ impl Starts {
     }
 }
 
+/// Keeps, of a component's starts with their gains, the best for each value of parameter `first`.
+pub(crate) fn keep_best(starts: &mut Vec<(f64, Member)>, first: usize, gain: f64, member: &Member) {
+    let mode = |member: &Member| member.values.get(first).copied();
+    match starts
+        .iter_mut()
+        .find(|(_, known)| mode(known) == mode(member))
+    {
+        Some(same) if gain > same.0 => *same = (gain, member.clone()),
+        Some(_) => {}
+        None => starts.push((gain, member.clone())),
+    }
+}
+
 /// A component's best starts on top of a fit: the drop of -2 log likelihood of each, largest first.
 struct Promise {
     starts: Vec<(f64, Member)>,
@@ -402,24 +415,14 @@ impl Seek<'_> {
     /// Keeps one start for each value of the first parameter that is not in proportion: modes lie apart along it.
     fn keep(&self, promises: &mut Vec<Promise>, gain: f64, member: &Member) {
         let first = self.model.components()[member.component].linear();
-        let mode = |member: &Member| member.values.get(first).copied();
         let known = promises
             .iter_mut()
             .find(|p| p.starts[0].1.component == member.component);
-        let Some(known) = known else {
-            promises.push(Promise {
+        match known {
+            Some(known) => keep_best(&mut known.starts, first, gain, member),
+            None => promises.push(Promise {
                 starts: vec![(gain, member.clone())],
-            });
-            return;
-        };
-        match known
-            .starts
-            .iter_mut()
-            .find(|(_, known)| mode(known) == mode(member))
-        {
-            Some(same) if gain > same.0 => *same = (gain, member.clone()),
-            Some(_) => {}
-            None => known.starts.push((gain, member.clone())),
+            }),
         }
     }
 

@@ -23,11 +23,13 @@ pub(super) fn estimates(model: &CampaignModel, fit: &Fit) -> Vec<ParameterEstima
 fn over_modes(model: &CampaignModel, fit: &Fit, m: usize) -> Vec<ParameterEstimate> {
     let mut found = of_member(model, fit, m);
     let modes = modes(model, &SearchPolicy::default(), fit, m);
-    if modes.len() == 1 {
+    let split = modes.split_first();
+    let Some((here, others)) = split.filter(|(_, others)| !others.is_empty()) else {
         return found;
-    }
-    let mut variances = vec![0.0; found.len()];
-    for mode in modes {
+    };
+    let own = found.iter().map(|p| here.share * p.sigma.powi(2));
+    let mut variances: Vec<f64> = own.collect();
+    for mode in others {
         let there = of_member(model, &mode.fit, m);
         for ((variance, here), there) in variances.iter_mut().zip(&found).zip(there) {
             let off = there.value - here.value;
